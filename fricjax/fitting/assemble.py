@@ -1,4 +1,4 @@
-"""From the solved problem to the fit that the caller gets: values, uncertainties and what they are worth."""
+"""Assemble the result of a fit from the solved problem."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -29,10 +29,10 @@ from .warnings import warnings_of_model, warnings_of_run
 from .window import NEVER
 
 
-def assemble(counted: NoiseWeighted, sigma_mode: str) -> Fit:
-    """The fit that is counted by its noise; `sigma_mode` says what that means."""
-    problem, solution, slope = counted.problem, counted.solution, counted.solution.derived.slope
-    covariances = covariance(solution.shape, slope, solution.evaluation.normal, counted.variance, counted.unsure)
+def assemble(weighted: NoiseWeighted, sigma_mode: str) -> Fit:
+    """Return the result of a fit; `sigma_mode` is as for :func:`fricjax.fit`."""
+    problem, solution, slope = weighted.problem, weighted.solution, weighted.solution.derived.slope
+    covariances = covariance(solution.shape, slope, solution.evaluation.normal, weighted.variance, weighted.unsure)
     runs = range(len(problem.windows))
     margins = tuple(rest_margin(problem, solution, run) for run in runs)
     excesses = tuple(excess_at_reversals(problem, solution, run) for run in runs)
@@ -42,20 +42,20 @@ def assemble(counted: NoiseWeighted, sigma_mode: str) -> Fit:
     shown = solution.derived.values + problem.origins
     values = named(problem.names, shown)
     std_errors = named(problem.names, np.sqrt(np.diag(covariances.statistical)))
-    factor = np.sqrt(counted.scatter) if sigma_mode == "estimate" else 1.0
-    misfit = with_faults(problem, misfit_of(problem, solution, counted.noises, sigma_mode != "absolute"))
+    factor = np.sqrt(weighted.scatter) if sigma_mode == "estimate" else 1.0
+    misfit = with_faults(problem, misfit_of(problem, solution, weighted.noises, sigma_mode != "absolute"))
     status = status_of(problem, solution, covariances, misfit)
     parts = contributions(problem.names, solution.derived, covariances)
     warnings = (
-        *warnings_of_run(problem, values, std_errors, misfit, counted.others),
-        *advice(problem, solution, covariances, counted.lacks),
+        *warnings_of_run(problem, values, std_errors, misfit, weighted.others),
+        *advice(problem, solution, covariances, weighted.discrepancies),
         *warnings_of_model(problem, values, margins, excesses, bracket, solution.numerical_shift),
     )
     return Fit(
         names=problem.names,
         values={**values, **static},
         std_errors=std_errors,
-        white_std_errors=named(problem.names, counted.white * slope),
+        white_std_errors=named(problem.names, weighted.white * slope),
         combined_std_errors=named(problem.names, np.sqrt(np.diag(covariances.combined))),
         intervals={**_intervals(problem.names, shown, covariances), **({} if bracket is None else {name: bracket[:2]})},
         covariance=covariances.statistical,
@@ -74,12 +74,12 @@ def assemble(counted: NoiseWeighted, sigma_mode: str) -> Fit:
         residual_rms=rms,
         **_noise(problem, factor, sigma_mode),
         noise=problem.noise,
-        noises=counted.noises,
+        noises=weighted.noises,
         whiteness=_whiteness(problem, solution),
         margins=margins,
         **{name: getattr(solution, name) for name in ("iterations", "stages", "passes", "numerical_shift")},
         engine=type(problem.residual.engine).__name__.lower(),
-        **_criteria(counted, sigma_mode),
+        **_criteria(weighted, sigma_mode),
         oscillator=machine,
         **_of_the_runs(problem),
         engine_used=problem.residual.engine,
@@ -88,7 +88,7 @@ def assemble(counted: NoiseWeighted, sigma_mode: str) -> Fit:
 
 
 def _kinematics(solution: Solution, covariances: Covariance, parts: Mapping[str, np.ndarray]) -> dict[str, Measured]:
-    """The kinematics with what the inputs of a rig contribute to their uncertainties."""
+    """Return the kinematics, with uncertainties that include the rig's inputs."""
     estimates = kinematics(solution.derived, covariances)
     return {
         name: dataclasses.replace(each, std=float(np.hypot(each.std, np.linalg.norm(parts[name]))))
@@ -97,14 +97,17 @@ def _kinematics(solution: Solution, covariances: Covariance, parts: Mapping[str,
 
 
 def _noise(problem: Problem, factor: float, sigma_mode: str) -> dict[str, Any]:
-    """Size of the noise of a sample, stated times `factor`, what it means and where it comes from."""
+    """Return the noise level of a sample, its meaning and its source.
+
+    `factor` scales the stated level.
+    """
     stated = np.concatenate([w.sigma[w.used] for w in problem.windows])
     source = "scatter of the residuals" if sigma_mode == "estimate" else problem.windows[0].sigma_source
     return {"sigma": float(np.median(stated) * factor), "sigma_mode": sigma_mode, "sigma_source": source}
 
 
 def _of_the_runs(problem: Problem) -> dict[str, Any]:
-    """What `predict` and the plot need to know of the records."""
+    """Return the fields of the result that `predict` and the plot need."""
     runs, windows = problem.residual.runs, problem.windows
     counts, sizes = [int(run.half_cycles) for run in runs], [w.used.size for w in windows]
     return {
@@ -112,7 +115,7 @@ def _of_the_runs(problem: Problem) -> dict[str, Any]:
         "quantity": windows[0].quantity,
         "sources": tuple(w.name for w in windows),
         "times": tuple(np.asarray(w.trace.t) for w in windows),
-        # Without the samples that only fill a run up.
+        # Drop the samples that pad a run.
         "runs": tuple(
             run._replace(t=run.t[:n], x=run.x[:n], weight=run.weight[:n]) for run, n in zip(runs, sizes, strict=True)
         ),
@@ -121,12 +124,15 @@ def _of_the_runs(problem: Problem) -> dict[str, Any]:
 
 
 def unit_of(unit: str, problem: Problem) -> str:
-    """The unit of a parameter, on a rotary rig that of the rotary quantity."""
+    """Return the unit of a parameter; a rotary rig has rotary units."""
     return rotary_unit(unit, problem.windows[0].quantity)
 
 
 def _whiteness(problem: Problem, solution: Solution) -> Whiteness:
-    """The verdict on the run whose residuals are the least white, each with the weight that its loss gives it."""
+    """Return the whiteness test of the least white run.
+
+    The loss weights the residuals.
+    """
     parts = [
         part[w.used] for part, w in zip(problem.by_run(solution.evaluation.residual), problem.windows, strict=True)
     ]
@@ -137,7 +143,7 @@ def _whiteness(problem: Problem, solution: Solution) -> Whiteness:
 
 
 def _residuals(problem: Problem, solution: Solution) -> tuple[Any, float]:
-    """Measured minus model for each run, and the root mean square of all."""
+    """Return measured minus model for each run, and the overall RMS."""
     weighted = zip(problem.by_run(solution.evaluation.residual), problem.windows, strict=True)
     parts = [np.where(window.used, -part * window.sigma, np.nan) for part, window in weighted]
     fitted = np.concatenate([part[window.used] for part, window in zip(parts, problem.windows, strict=True)])
@@ -146,11 +152,12 @@ def _residuals(problem: Problem, solution: Solution) -> tuple[Any, float]:
 
 
 def _machine(problem: Problem, solution: Solution, bracket: Bracket | None) -> tuple[Oscillator, dict[str, float]]:
-    """The fitted oscillator, with a bracketed static coefficient at the middle of its interval, and that value.
+    """Return the fitted oscillator, and the bracketed static coefficient by name.
 
-    Where there is none that the stops agree on, its value is NaN, and that of the oscillator the dynamic one.
+    The coefficient is the middle of its interval. If the stops contradict each other or give no upper limit, it is NaN,
+    and the oscillator gets the dynamic coefficient.
     """
-    # As numpy arrays its values are known outside of jit, so that a simulation may choose the fastest engine.
+    # Numpy values are concrete outside of jit, so a simulation can select the fastest engine.
     machine = solution.derived.machine
     if bracket is None or problem.bracketed is None:
         return machine, {}
@@ -174,15 +181,16 @@ def _intervals(names: Sequence[str], values: np.ndarray, covariances: Covariance
     return {name: (float(v - h), float(v + h)) for name, v, h in zip(names, values, half, strict=True)}
 
 
-def _criteria(counted: NoiseWeighted, sigma_mode: str) -> dict[str, float]:
-    """Akaike's criterion for small samples and the Bayesian one, up to a constant common to all models of a record.
+def _criteria(weighted: NoiseWeighted, sigma_mode: str) -> dict[str, float]:
+    """Return the information criteria AICc and BIC.
 
-    The sum of losses is that of the squares over the variance, or what stands for it: minus twice the log likelihood
-    of white noise, to which the colour of another adds what it gains, and its numbers to those of the parameters.
+    AICc is Akaike's criterion for small samples. Both hold up to a constant common to all models of a record. The sum
+    of losses takes the part of -2 log(likelihood) of white noise. A noise model adds its change of that value, and its
+    number of parameters.
     """
-    misfit, n = 2 * float(counted.solution.evaluation.cost), counted.problem.n_used
-    k = len(counted.problem.parameters) + counted.numbers
+    misfit, n = 2 * float(weighted.solution.evaluation.cost), weighted.problem.n_used
+    k = len(weighted.problem.parameters) + weighted.numbers
     criterion, k = (misfit, k) if sigma_mode == "absolute" else (n * np.log(misfit / n), k + 1)
-    criterion = criterion + counted.gain
+    criterion = criterion + weighted.gain
     aicc = criterion + 2 * k + 2 * k * (k + 1) / max(n - k - 1, 1)
     return {"aicc": float(aicc), "bic": float(criterion + k * np.log(n))}

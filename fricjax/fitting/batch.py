@@ -47,14 +47,14 @@ class Row(NamedTuple):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Return the warnings about this run, in sentences."""
+        """Warnings about this run, in sentences; computed at each access."""
         if self.problem is None or self.weighted is None or self.covariances is None or self.misfit is None:
             return ()
         problem, solution, covariances = self.problem, self.weighted.solution, self.covariances
         values = named(problem.names, solution.derived.values)
         errors = named(problem.names, np.sqrt(np.diag(covariances.statistical)))
-        lacking = advice(problem, solution, covariances, self.weighted.lacks)
-        return (*warnings_of_run(problem, values, errors, self.misfit, self.weighted.others), *lacking)
+        discrepancy = advice(problem, solution, covariances, self.weighted.discrepancies)
+        return (*warnings_of_run(problem, values, errors, self.misfit, self.weighted.others), *discrepancy)
 
 
 @one_blas_thread()
@@ -77,7 +77,7 @@ def fit_batch(
         oscillator: the machine and its friction law, the same for every run.
         free: names of the coefficients to fit, or Parameters of lmfit, as in :func:`fit`.
         guess: start values by name, one number for all runs or an array of shape (runs,).
-            **settings: as for :func:`fit`, except `sigma_mode` and `throw`; the same for all runs.
+        **settings: as for :func:`fit`, except `sigma_mode` and `throw`; the same for all runs.
 
     Returns:
         The fits, in the order of the runs.
@@ -142,7 +142,7 @@ def _opened(source: Source) -> Record | Exception:
 
 
 def _name(source: Any, run: Record | Exception) -> str:
-    """Return the name of a run, from its record or path, else empty."""
+    """Return the name of a run from its record or path."""
     if isinstance(run, Record):
         return run.name
     return Path(source).name if isinstance(source, str | os.PathLike) else ""
@@ -187,7 +187,10 @@ def solved_rows(problems: Sequence[Problem], begins: Sequence[np.ndarray] | None
 
 
 def alone(problems: Sequence[Problem]) -> bool:
-    """Return True if `fit` must solve each problem: one problem, joint fits, meshes."""
+    """Return True if problems must be solved one by one, like `fit`.
+
+    These are a single problem, joint fits, and engines that need a mesh.
+    """
     return len(problems) == 1 or any(each.residual.engine.needs_mesh or len(each.windows) > 1 for each in problems)
 
 
@@ -227,8 +230,8 @@ def _row(weighted: NoiseWeighted, misfit: Misfit) -> Row:
 def collected(rows: Sequence[Row], sources: tuple[str, ...]) -> BatchFit:
     """Collect the rows into columns.
 
-    All runs must have the same free parameters and uncertain inputs.
-    The root mean square of the residuals is exact if all samples of a run have the same noise.
+    All runs must have the same free parameters and uncertain inputs. The root mean square of the residuals is exact if
+    all samples of a run have the same noise.
 
     Raises:
         UsageError: no run could be fitted.

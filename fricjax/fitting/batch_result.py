@@ -1,4 +1,4 @@
-"""The result of many independent fits: the fields of a fit with a leading axis over runs."""
+"""Results of a batch: the fields of a fit for all runs."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -8,6 +8,7 @@ import numpy as np
 
 from ..errors import DataError, UsageError, nearest
 from ..show import Report, Reported, Style, styled
+from ..show.tables import dataframe
 from .diagnostics import optimum_found
 from .interchange import batch_to_xarray
 from .noise import Noise
@@ -17,31 +18,32 @@ from .show import batch_plot, batch_report, batch_thumbnails
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class BatchFit(Reported):
-    """Independent fits of many runs; rows of runs that could not be fitted hold NaN and say why in `status`.
+    """Independent fits of many runs; rejected runs hold NaN.
+
+    The status of a rejected run gives the reason.
 
     Attributes:
         names: free parameters in the order of the covariances.
-        values, std_errors: by name, shape (runs,), in SI units; the standard errors count the noise that each run has.
-        white_std_errors: what they would be if the noise were white, of the size stated.
-        covariance: shape (runs, p, p); inf where a parameter is undetermined or at a bound.
+        values, std_errors: by name, shape (runs,), in SI units. Standard errors follow from the noise of each run.
+        white_std_errors: standard errors for white noise of the stated level.
+        covariance: shape (runs, p, p); inf for a parameter that is undetermined or at a bound.
         units: by name.
-        converged: whether an optimum was found that describes the run, as of a `Fit`, shape (runs,).
-        status: the outcome of each run in words, its name before the colon, as of a `Fit`.
-        flags: for each run, by name, sentences such as "at bound".
-        warnings: for each run what a reader of its numbers must know, in sentences.
+        converged: True for runs with an optimum that describes the record, as in a `Fit`, shape (runs,).
+        status: the outcome of each run in words, its name before the colon, as in a `Fit`.
+        flags: for each run, by name, remarks such as "at bound".
+        warnings: for each run, in sentences.
         kinematics, kinematics_std: natural frequency, damping ratio, dead band and losses per unit mass, which need no
-            rig, and their standard errors by the noise of each run; by name, shape (runs,).
-        contributions: of values and kinematics by name: how much one standard uncertainty of each input of the rig
-            changes that of each run, by name of the input, shape (runs,). What one input changes it changes in all runs
-            at once.
+            rig, and their standard errors from the noise of each run; by name, shape (runs,).
+        contributions: by name of a value or kinematic quantity: its change per standard uncertainty of each input of
+            the rig, by name of the input, shape (runs,). One input changes all runs at once.
         chi2, dof: sum of squared weighted residuals and degrees of freedom, shape (runs,).
         residual_rms, sigma: root mean square of the residuals and median noise used, in the unit of the records.
-        noises: the noise of each run as its residuals show it, None where it was rejected.
-        numerical_shift: how far numerical errors can have moved any parameter, in its standard errors.
-        half_cycles: number of half-cycles from the start of the fit to the stop, -1 where a record ends in motion.
-        iterations, passes: steps of Levenberg-Marquardt, and passes over the model in all.
+        noises: noise of each run as its residuals show it; None for a rejected run.
+        numerical_shift: largest change of a parameter by numerical errors, in standard errors.
+        half_cycles: number of half-cycles from the start of the fit to the stop; -1 if a record ends in motion.
+        iterations, passes: steps of Levenberg-Marquardt, and evaluations of the model in total.
         engine: name of the engine.
-        sources: name of the file of each run, empty where it has none.
+        sources: file name of each run; empty if unknown.
 
     Examples:
         >>> import fricjax as fj
@@ -84,14 +86,18 @@ class BatchFit(Reported):
 
     @property
     def optimum_found(self) -> np.ndarray:
-        """Whether an optimum of full rank was found, also where the model misses the run or a bound holds it."""
+        """True for runs with an optimum of full rank, shape (runs,).
+
+        Such a fit may still miss the record or end at a bound.
+        """
         return np.array([optimum_found(status) for status in self.status])
 
     @property
     def combined_std_errors(self) -> dict[str, np.ndarray]:
-        """Standard errors of values and kinematics with the uncertainties of the rig's inputs; by name, shape (runs,).
+        """Standard errors including the uncertain inputs of the rig.
 
-        Those of different runs are correlated, for the rig is the same.
+        They cover values and kinematics, by name, shape (runs,). Those of different runs are correlated, because all
+        runs share the rig.
         """
         noise = {**self.std_errors, **self.kinematics_std}
         return {name: np.linalg.norm([std, *self.contributions[name].values()], axis=0) for name, std in noise.items()}
@@ -102,21 +108,20 @@ class BatchFit(Reported):
         return self.chi2 / self.dof
 
     def population(self, name: str, *, only_converged: bool = True) -> Population:
-        """Mean of a coefficient over the runs and its scatter from run to run, ``mu_i ~ N(mu, s^2)``.
+        """Estimate mean and scatter of a coefficient over the runs.
 
-        Runs that cannot belong to the others, as those read in a wrong unit, are set aside and named. What is uncertain
-        in the rig, common to all runs, is no scatter and no mean takes it away: it enters the combined standard error
-        of the mean alone.
+        The model is ``mu_i ~ N(mu, s^2)``. Runs that are inconsistent with the others, such as those read in a wrong
+        unit, are excluded and named. All runs share the rig, so its uncertainty is no scatter and does not average out:
+        it enters only the combined standard error of the mean.
 
         Args:
             name: a free parameter, or one of the kinematics.
-            only_converged: leave out runs that have not converged. With False those whose optimum was found count as
-                well: their model does not describe them, or another parameter is at a bound. What the model misses is
-                then part of the scatter.
+            only_converged: use converged runs only. If False, also use runs with an optimum that does not describe the
+                record or has another parameter at a bound. Model errors then add to the scatter.
 
         Raises:
             UsageError: no such name.
-            DataError: fewer than three runs that count.
+            DataError: fewer than three usable runs.
         """
         known = {**self.kinematics, **self.values}
         if name not in known:
@@ -131,17 +136,17 @@ class BatchFit(Reported):
             raise DataError(f"{error}{hint if more else ''}") from error
 
     def report(self) -> Report:
-        """The parameters of the first runs, their means over all that converged, and how the fits ended."""
+        """Report the first runs, the means over converged runs, and the outcomes."""
         return batch_report(self)
 
     def thumbnails(self) -> Sequence[str]:
         return batch_thumbnails(self)
 
     def plot(self, *, style: Style = "screen") -> Any:
-        """Each coefficient against the number of its run with its standard error; a matplotlib figure.
+        """Plot each coefficient with its standard error against the run number.
 
-        Runs that have not converged are hollow; the line is the mean over the others, and the band the scatter from
-        run to run, where there are enough of them to tell it.
+        Runs that have not converged are hollow. The line is the mean over the others; the band is the scatter between
+        runs, if there are enough runs to estimate it.
 
         Args:
             style: as of :func:`fricjax.show.styled`.
@@ -149,12 +154,10 @@ class BatchFit(Reported):
         return styled(batch_plot(self), style)
 
     def to_dataframe(self) -> Any:
-        """One row per run: the name of its file, values, their standard errors, and what tells how good they are.
+        """Return one row per run: file name, values, standard errors, fit quality.
 
         The standard errors are `<name>_std` and, with the uncertainties of the rig's inputs, `<name>_combined_std`.
         """
-        import pandas as pd
-
         columns: dict[str, Any] = {"source": self.sources}
         noise, combined = {**self.std_errors, **self.kinematics_std}, self.combined_std_errors
         for name, values in {**self.values, **self.kinematics}.items():
@@ -163,13 +166,15 @@ class BatchFit(Reported):
             columns[name] = getattr(self, name)
         columns["noise"] = [noise and "; ".join(noise.words("")) for noise in self.noises]
         columns |= {"status": self.status, "warnings": [" ".join(warnings) for warnings in self.warnings]}
-        return pd.DataFrame(columns).rename_axis("run")
+        endings = ("", "_std", "_combined_std")
+        units = {f"{name}{end}": unit for name, unit in self.units.items() for end in endings}
+        return dataframe(columns, units).rename_axis("run")
 
     def to_xarray(self) -> Any:
-        """A data set of xarray with the axes `run` and `parameter`.
+        """Return an xarray data set with the axes `run` and `parameter`.
 
         Raises:
-            UsageError: xarray is not installed; the sentence says how to.
+            UsageError: xarray is not installed.
         """
         return batch_to_xarray(self)
 

@@ -1,8 +1,8 @@
-"""Many problems at once: those of the same shape in chunks, each of which is one compiled computation.
+"""Solve many problems of equal shape in compiled chunks.
 
-The problems of a chunk are solved one after the other in a compiled loop, so that each takes only the steps that it
-needs; several such loops run side by side in threads, for a compiled computation holds no lock. Fewer than a chunk
-holds are solved by the program of a single one: the loop would be compiled for seconds, to save some milliseconds each.
+A compiled loop solves the problems of a chunk one after the other, so each takes only the steps that it needs. Several
+loops run in parallel threads, because compiled computations release the interpreter lock. Fewer problems than a chunk
+holds are solved by the program for a single one: compiling the loop takes seconds and saves only milliseconds each.
 """
 
 import itertools
@@ -22,14 +22,14 @@ from ..oscillator.program import Shape, of_shape, split
 from .residual import Residual
 from .stages import Iterate, Limits, Schedule, StageWeights, like_iterate, solve_in_stages
 
-# Problems in a chunk: a program is compiled for one number of them, and a chunk that is not full costs copies.
+# Problems in a chunk. Programs are compiled for this number; a chunk that is not full is padded with copies.
 WIDTH = 32
-# Bytes of a full chunk; longer records go one by one, for each copy of a million samples takes 25 MB.
+# Largest size of a full chunk [bytes]. Longer records are solved one by one: a record of 1e6 samples takes 25 MB.
 _ROOM = 1 << 27
 
 
 class Member(NamedTuple):
-    """The traced part of a problem: what :func:`~fricjax.fitting.stages.solve_in_stages` takes beside the loss."""
+    """Traced arguments of :func:`~fricjax.fitting.stages.solve_in_stages`, without the loss."""
 
     residual: Residual
     stage_weights: tuple[StageWeights, ...]
@@ -39,9 +39,10 @@ class Member(NamedTuple):
 
 
 def blocks(count: int, parts: int = 1) -> list[range]:
-    """The numbers below `count` in blocks of like sizes, which hold a chunk at most, or one of so many `parts` of it.
+    """Split the numbers below `count` into blocks of similar size.
 
-    Fewer than fill a chunk have a block each. Of more none is left by itself, where it would ask for another program.
+    A block holds at most a chunk, or a `parts`-th of one. If there are fewer than a chunk holds, each has its own
+    block. Otherwise no block holds a single number, which would require another program.
     """
     width = max(WIDTH // parts, 1) if count >= WIDTH else 1
     many = -(-count // width)
@@ -49,17 +50,20 @@ def blocks(count: int, parts: int = 1) -> list[range]:
 
 
 def solve_in_chunks(members: Sequence[Member], loss: AbstractLoss) -> list[tuple[Iterate, Any]]:
-    """The iterate of each problem, without the residual of its samples, and their typical size in all and in motion."""
+    """Return the iterate of each problem, and its typical residuals.
+
+    The iterates have no residuals of samples. Typical residuals are those overall and in motion.
+    """
     return in_chunks(members, lambda chunk, count: _chunk(chunk, loss, np.asarray(count)))
 
 
 def in_chunks[M, R](members: Sequence[M], compute: Callable[[M, int], R]) -> list[R]:
-    """The result of each of several pytrees, those of one shape computed together.
+    """Apply a function to each of several pytrees, grouped by shape.
 
     Args:
         members: pytrees of arrays and settings.
-        compute: takes `WIDTH` of them, or one that is large, stacked along a leading axis, and how many of these are
-            asked for, for the rest are copies; returns a pytree of arrays with that axis.
+        compute: takes `WIDTH` pytrees (a large one alone) stacked along a leading axis, and the number of them to
+            compute; the rest is padding. Returns a pytree of arrays with that axis.
     """
     parts = [split(member) for member in members]
     groups: dict[Shape, list[int]] = {}
@@ -81,12 +85,12 @@ def in_chunks[M, R](members: Sequence[M], compute: Callable[[M, int], R]) -> lis
 
 
 def width_of(members: Any) -> int:
-    """How many pytrees are stacked in one."""
+    """Return the number of stacked pytrees."""
     return next(leaf.shape[0] for leaf in jax.tree.leaves(members) if eqx.is_array(leaf))
 
 
 def _solve_all(members: Member, loss: AbstractLoss, count: Any) -> tuple[Iterate, Array]:
-    """Solve the first `count` problems, one behind the other; their arrays have a leading axis."""
+    """Solve the first `count` of the stacked problems one by one."""
 
     def one(member: Member) -> tuple[Iterate, Array]:
         return _solve_one(member, loss)
@@ -111,14 +115,15 @@ def _solve_one(member: Member, loss: AbstractLoss) -> tuple[Iterate, Array]:
     used = jnp.concatenate([run.weight > 0 for run in residual.runs])
     moving = jnp.concatenate([part.moving > 0 for part in member.stage_weights])
     sizes = typical(samples, used, moving, loss, jnp)
-    # The residuals of all samples of an archive would not fit into memory.
+    # Sample residuals of a whole archive would not fit into memory.
     return at._replace(evaluation=evaluation._replace(residual=jnp.zeros(0))), sizes
 
 
 def typical(residual: Any, used: Any, moving: Any, loss: AbstractLoss, numpy: Any = np) -> Any:
-    """Typical size of residuals, over all and in motion, shape (2,).
+    """Return the typical size of residuals, overall and in motion.
 
-    It is their root mean square, or with a robust loss what their median says of it.
+    The shape is (2,). It is the root mean square for least squares, and the scaled median of the absolute values for a
+    robust loss.
     """
     parts = numpy.stack([used, moving])
     if isinstance(loss, Squares):

@@ -1,8 +1,8 @@
-"""The jitter of a clock: noise that grows with velocity, by which the samples are weighed.
+"""Timing jitter of the clock, and weights that account for it.
 
-A sample that is taken too late by dt reads x + v dt. The samples next to a reversal, where the mass hardly moves, are
-then the ones that count, so that it is they which must be weighed, and what noise they have at rest is shown by
-themselves: by the residuals of a fit that is weighed so, in turn.
+Jitter is noise that grows with velocity. A sample taken too late by dt reads x + v dt. The samples near a reversal,
+where the mass hardly moves, then carry the most information, so the noise at rest must be known well. It is estimated
+from the residuals of a fit with these weights, repeatedly.
 """
 
 import dataclasses
@@ -17,19 +17,20 @@ from .rows import Rows
 from .solve import Solution, checking, evaluate_at, solve
 from .window import DITHERED, Window
 
-# Solutions until the weights settle to a part of themselves, and the factor by which the noise at rest may fall in one.
+# Largest number of solutions, relative change at which the weights have settled, and largest drop of the noise at rest
+# in one solution.
 _SOLUTIONS, _SETTLED, _STEP = 6, 0.05, 10.0
-# Rows that tell a jitter, rounds in which their weights settle, and the part of them that is the quietest.
+# Fewest rows that can show jitter, iterations of the weighted regression, and the fraction of quietest rows.
 _FEWEST, _REWEIGHED, _QUIET = 16, 6, 0.1
 
 
-class Clocked(NamedTuple):
-    """A fit whose samples are weighed by their jitter.
+class TimingJitter(NamedTuple):
+    """A fit with its samples weighted by the timing jitter.
 
     Attributes:
-        problem: with other weights of the samples; `solution`: its solution.
-        jitters: of each run, None where nothing shows.
-        gain: what the weights add to minus twice the logarithm of the likelihood.
+        problem: the problem with the new weights; `solution`: its solution.
+        jitters: jitter of each run; None for a run without significant jitter.
+        gain: change of -2 log(likelihood) by the weights alone.
     """
 
     problem: Problem
@@ -39,14 +40,14 @@ class Clocked(NamedTuple):
 
 
 class Jitter(NamedTuple):
-    """Noise that grows with velocity: its variance at rest, what squared motion from sample to sample adds to it."""
+    """Noise with a variance that grows with the squared motion between samples."""
 
     still: float
     moving: float
     interval: float
 
     def size(self, moved: np.ndarray) -> np.ndarray:
-        """Variance of samples between which the reading moves so far, squared."""
+        """Return the variance of samples, given the squared motion between samples."""
         return self.still + self.moving * moved
 
     @property
@@ -55,9 +56,12 @@ class Jitter(NamedTuple):
         return self.interval * float(np.sqrt(self.moving))
 
 
-def by_clock(problem: Problem, solution: Solution, rows: Sequence[Rows]) -> Clocked | None:
-    """The fit weighed by the jitter of its clock; None where none shows in its rows, or where it fails under it."""
-    jitters = [_seen(*run) for run in zip(problem.windows, rows, strict=True)]
+def fit_timing_jitter(problem: Problem, solution: Solution, rows: Sequence[Rows]) -> TimingJitter | None:
+    """Fit with samples weighted by the timing jitter.
+
+    Return None if no jitter is significant or the fit fails.
+    """
+    jitters = [_estimate(*run) for run in zip(problem.windows, rows, strict=True)]
     if not any(jitters):
         return None
     evaluation = solution.evaluation
@@ -77,20 +81,20 @@ def by_clock(problem: Problem, solution: Solution, rows: Sequence[Rows]) -> Cloc
         evaluation = again.evaluation
     pairs = zip(problem.windows, weighed.windows, strict=True)
     gain = sum(2 * float(np.sum(np.log(after.sigma / before.sigma)[before.used])) for before, after in pairs)
-    return Clocked(weighed, again, jitters, gain)
+    return TimingJitter(weighed, again, jitters, gain)
 
 
-def _seen(window: Window, row: Rows) -> Jitter | None:
-    """What the clock of a run adds to its noise; None where nothing shows.
+def _estimate(window: Window, row: Rows) -> Jitter | None:
+    """Estimate the jitter of a run; None if not significant.
 
-    Second differences show the white noise, and more of it where the mass moves while the instants jitter. A record
-    that rounding alone makes rough tells nothing, for there it is the motion that dithers it.
+    Second differences measure the white noise, which is larger where the mass moves if the instants jitter. A record
+    with rounding as its only roughness cannot show jitter, because there the motion dithers the rounding.
     """
     level = float(np.median(row.rough))
     if row.rough.size < _FEWEST or not level * window.stated**2 > DITHERED * window.segmentation.resolution**2:
         return None
     least = float(np.quantile(row.rough, _QUIET))
-    # Of rows whose samples all lie beyond the bend of a robust loss nothing is known.
+    # If all samples of these rows lie in the flat part of a robust loss, their noise is unknown.
     if not least > 0:
         return None
     (still, moving), error = _variances(row.rough, row.moved, np.maximum(row.rough, least), least)
@@ -98,9 +102,10 @@ def _seen(window: Window, row: Rows) -> Jitter | None:
 
 
 def _variances(square: np.ndarray, moved: np.ndarray, size: np.ndarray, least: float) -> tuple[np.ndarray, float]:
-    """Variance at rest and what squared motion adds to it, from squares of that size, with the error of the latter.
+    """Estimate the variance at rest and its increase with squared motion.
 
-    Squares scatter in proportion to their mean, so that the regression counts relative errors, anew at each step.
+    Also return the standard error of the increase. `size` holds initial variances. Squares scatter in proportion to
+    their mean, so the regression minimises relative errors and updates their weights at each step.
     """
     unit = float(np.mean(moved)) or 1.0
     columns = np.column_stack([np.ones(square.size), moved / unit])
@@ -121,9 +126,10 @@ def _variances(square: np.ndarray, moved: np.ndarray, size: np.ndarray, least: f
 
 
 def _inverse(gram: np.ndarray) -> np.ndarray:
-    """Inverse of a symmetric matrix of two rows, or the nearest thing to one, as for a mass that rests.
+    """Return the inverse or pseudo-inverse of a symmetric 2x2 matrix.
 
-    A decomposition takes fifty times longer, and each run asks for several.
+    The matrix is singular for a mass at rest. The closed form is 50 times faster than a decomposition, and each run
+    needs several.
     """
     (a, b), (_, d) = gram
     determinant = a * d - b * b
@@ -133,12 +139,15 @@ def _inverse(gram: np.ndarray) -> np.ndarray:
 
 
 def _moved(window: Window, error: np.ndarray) -> np.ndarray:
-    """Squared motion from sample to sample, in units of the noise; errors are computed minus measured displacement."""
+    """Squared motion between samples, in units of the noise.
+
+    `error` is computed minus measured displacement.
+    """
     return (np.gradient(np.asarray(window.trace.x) + error) / window.sigma) ** 2
 
 
 def _refined(window: Window, error: np.ndarray, jitter: Jitter | None) -> Jitter | None:
-    """The jitter as the samples themselves tell it, of a fit that is weighed by it."""
+    """Refine the jitter, using the residuals of a fit weighted by it."""
     if jitter is None:
         return None
     used, moved, least = window.used, _moved(window, error), jitter.still / _STEP
@@ -148,7 +157,7 @@ def _refined(window: Window, error: np.ndarray, jitter: Jitter | None) -> Jitter
 
 
 def _weighed(window: Window, error: np.ndarray, jitter: Jitter | None) -> Window:
-    """The window with its samples weighed by their jitter."""
+    """Return the window with its samples weighted by their jitter."""
     if jitter is None:
         return window
     return dataclasses.replace(window, sigma=window.sigma * np.sqrt(jitter.size(_moved(window, error))))

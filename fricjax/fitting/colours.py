@@ -1,8 +1,8 @@
-"""The noise of each run as its rows show it, and least squares that count by it.
+"""Noise models of the runs, and generalised least squares with them.
 
-Noise that remembers, a drift and a hum are identified from the residuals alone (:mod:`~fricjax.estimation.colour`). A
-floor that shakes is identified by what its kicks would make of the motion; it is looked for where the noise remembers
-in motion and not at rest. What is far larger than noise is no noise, whatever would explain it.
+Correlated noise, drift and hum are identified from the residuals alone (:mod:`~fricjax.estimation.colour`). Floor
+vibration is identified from the response of the motion to kicks. It is fitted only if the residuals are correlated in
+motion and white at rest. Residuals far larger than the noise are model error, even if a noise model would fit them.
 """
 
 from collections.abc import Iterable, Sequence
@@ -26,29 +26,30 @@ from ..estimation.colour import (
 from ..estimation.covariance import Quadratic, quadratic
 from ..estimation.loss import Squares
 from .diagnostics import worst
-from .floor import first_rows, kicked, kicked_until, passage_of
+from .floor import first_rows, fit_floor_noise, fit_floor_noise_until, passage_of
 from .noise import whiteness
 from .problem import Problem
 from .rows import Rows, Seen, run_in_rows
 from .solve import Solution
 from .window import Window
 
-# Part of a derivative that parameters do not explain, from which on it is a function of its own. Convention: they are
-# computed to a part in 10^9 of themselves, and what is a function of its own differs by far more.
-_OF_ITS_OWN = 1e-6
-# Rows of a rest that tell its noise.
+# A derivative is independent of the parameters if more than this relative part remains after projecting them out.
+# Convention: derivatives are accurate to 1e-9, and independent ones differ by far more.
+_INDEPENDENT = 1e-6
+# Fewest rows of a rest that determine its noise.
 _RESTING = 64
-# Rows of a piece of it that tell white noise, and the most pieces that are looked at.
+# Fewest rows of a piece of the rest in a whiteness test, and the largest number of pieces.
 _PIECE, _PIECES = 32, 8
-# Rows on either side of a step in a rest whose means tell it: a slide is over within about as many, a tenth of a
-# half-cycle, for a floor that can move a resting mass does so by its highest frequencies.
-_BESIDE = 4
+# Rows on either side of a step in a rest; it is the difference of their means. A slide takes about as many rows, a
+# tenth of a half-cycle, because only the highest frequencies of a floor can move a resting mass.
+_NEIGHBOURS = 4
 
 
 def colours_of(problem: Problem, at: Solution, rows: Sequence[Rows], absolute: bool) -> list[Seen]:
-    """The rows of each run with the colour of their noise; none where that of all runs is white.
+    """Fit a noise model to each run.
 
-    The noise model of the problem says which colours may be: all, no motion of the floor, or that alone.
+    `problem.noise` selects the candidates: all models, all except floor vibration, or that alone. The list is empty if
+    the noise of all runs is white.
     """
     if problem.noise in ("white", "jitter"):
         return []
@@ -58,28 +59,31 @@ def colours_of(problem: Problem, at: Solution, rows: Sequence[Rows], absolute: b
     stated, seen = absolute and isinstance(problem.loss, Squares), []
     for run, (row, colour) in enumerate(zip(identified, first, strict=True)):
         known = white(row.series, _level(row, stated)) if colour is None else colour
-        seen.append(Seen(rows[run], _or_shaken(problem, at, run, row, known)))
+        seen.append(Seen(rows[run], _or_floor_noise(problem, at, run, row, known)))
     return seen if any(first) or any(colour.transition for _, colour in seen) else []
 
 
 def _identified(row: Rows, at_bound: np.ndarray) -> Rows:
-    """Rows with the derivatives by what may explain some of what is left.
+    """Drop derivatives that cannot explain residuals.
 
-    A coordinate that a bound holds does not. An input of the rig, as the nonlinearity of an interferometer, may, and is
-    then no noise besides; but a mass does nothing that free parameters do not, and the rounding in which it differs
-    from them would pass for a function of its own.
+    These are derivatives by a coordinate at a bound. An input of the rig, such as the nonlinearity of an
+    interferometer, can explain residuals. An input that acts like the free parameters is dropped: it would differ from
+    them by rounding only, and pass for an independent function.
     """
     slopes, p = row.series.slopes, at_bound.size
     slopes = np.column_stack([slopes[:, :p] * ~at_bound, slopes[:, p:]])
     unit = np.maximum(np.linalg.norm(slopes, axis=0), np.finfo(float).tiny)
     columns = slopes / unit
     apart = columns[:, p:] - columns[:, :p] @ np.linalg.lstsq(columns[:, :p], columns[:, p:], rcond=1e-9)[0]
-    slopes[:, p:] *= np.linalg.norm(apart, axis=0) > _OF_ITS_OWN
+    slopes[:, p:] *= np.linalg.norm(apart, axis=0) > _INDEPENDENT
     return row._replace(series=row.series._replace(slopes=slopes))
 
 
 def _without_floor(problem: Problem, run: int, row: Rows, level: float) -> Colour | None:
-    """The colour of a run as far as no floor is in it, None for white noise or where it is a floor's by its name."""
+    """Return the noise model of a run without floor motion.
+
+    It is None for white noise, and if `problem.noise` is "floor".
+    """
     if problem.noise == "floor":
         return None
     if problem.noise == "autoregressive":
@@ -89,7 +93,10 @@ def _without_floor(problem: Problem, run: int, row: Rows, level: float) -> Colou
 
 
 def misfit_of(problem: Problem, seen: Sequence[Seen], absolute: bool) -> float:
-    """What is left beside drift and hum over the noise of its run: the most of all runs, and of the motion of each."""
+    """Return the largest residual-to-noise ratio without drift and hum.
+
+    It is the largest over all runs, each overall and in motion.
+    """
     sizes = [
         [float(np.sqrt(variance_left(*run, until=time))) for time in (np.inf, window.stopped)]
         for window, run in zip(problem.windows, seen, strict=True)
@@ -98,45 +105,51 @@ def misfit_of(problem: Problem, seen: Sequence[Seen], absolute: bool) -> float:
     return worst(problem, sizes, expected, not absolute).ratio
 
 
-def _or_shaken(problem: Problem, at: Solution, run: int, row: Rows, colour: Colour) -> Colour:
-    """A colour, or that of a floor that shakes the mass, by Schwarz's criterion."""
+def _or_floor_noise(problem: Problem, at: Solution, run: int, row: Rows, colour: Colour) -> Colour:
+    """Return the floor model if its Bayesian criterion is lower, else `colour`.
+
+    If `problem.noise` is "floor", return the floor model without a comparison.
+    """
     if problem.noise != "auto":
-        named = _shaken(problem, at, run, row.series) if problem.noise == "floor" else None
+        named = _fit_floor(problem, at, run, row.series) if problem.noise == "floor" else None
         return colour if named is None else named
     still = _at_rest(problem.windows[run], row)
-    # What costs the most comes last: most records hold white noise, which ends here.
-    if not (still.any() and _remembers(colour.left[~still], row.level) and _tells_kicks(colour.left[still])):
+    # The most expensive test comes last; most records have white noise and return here.
+    if not (still.any() and _is_correlated(colour.left[~still], row.level) and _is_quiet(colour.left[still])):
         return colour
-    rival = _shaken(problem, at, run, row.series)
-    if rival is None or rival.transition is None:
+    floor = _fit_floor(problem, at, run, row.series)
+    if floor is None or floor.transition is None:
         return colour
     left = row.series._replace(residual=colour.left)
-    known, other = rival, colour if colour.coefficients.size else autoregressive(left)
-    if rival.last is not None:
-        if rival.last <= row.series.slopes.shape[1]:
-            # The floor has led too far from the motion at once: as many parameters fit such rows without any noise.
+    known, other = floor, colour if colour.coefficients.size else autoregressive(left)
+    if floor.last is not None:
+        if floor.last <= row.series.slopes.shape[1]:
+            # The floor has moved the mass too far at once: this many parameters fit so few rows without noise.
             return colour
-        # Where the floor has led too far from the motion, neither model is to be judged.
-        series, passage = first_rows(row.series, rival.last), rival.transition.first(rival.last)
-        known, other = kicked_until(series, passage, rival.last), autoregressive(first_rows(left, rival.last))
-    return colour if _criterion(known) > _criterion(other) else rival
+        # Where the floor has moved the mass too far, neither model is valid: compare them on the rows before.
+        series, passage = first_rows(row.series, floor.last), floor.transition.first(floor.last)
+        known, other = fit_floor_noise_until(series, passage, floor.last), autoregressive(first_rows(left, floor.last))
+    return colour if _criterion(known) > _criterion(other) else floor
 
 
-def by_kicks(problem: Problem, at: Solution, run: int, row: Rows) -> Seen | None:
-    """The rows of a run with white kicks of a floor as their noise; None where its rest tells of none."""
-    if not _tells_kicks(row.series.residual[_at_rest(problem.windows[run], row)]):
+def white_floor_noise(problem: Problem, at: Solution, run: int, row: Rows) -> Seen | None:
+    """Return the rows of a run with floor vibration as their noise.
+
+    The kicks are white. Return None if the rest is too short or not white.
+    """
+    if not _is_quiet(row.series.residual[_at_rest(problem.windows[run], row)]):
         return None
-    colour = _shaken(problem, at, run, _identified(row, at.shape.at_bound).series)
-    # A process of the kicks would take for their memory what a force does in all half-cycles.
+    colour = _fit_floor(problem, at, run, _identified(row, at.shape.at_bound).series)
+    # An autoregressive process for the kicks could absorb a force that acts in all half-cycles.
     return None if colour is None else Seen(row, colour._replace(shape=np.zeros(0), shape_std=1.0))
 
 
-def _tells_kicks(resting: np.ndarray) -> bool:
-    """Whether a rest is long and quiet enough to tell kicks from what a model lacks: no floor moves a reading in it.
+def _is_quiet(resting: np.ndarray) -> bool:
+    """Return True if a rest can separate floor vibration from model error.
 
-    Quiet is one that is white beside a straight line, in most pieces of it. A floor may bring a mass that stopped near
-    the edge of its dead band to slide on a little, now and then. What lies between two slides is looked at, for noise
-    that remembers does so all the time.
+    No floor vibration moves the reading at rest. So the rest must be long, and white about a straight line in most
+    pieces. A mass that stopped near the edge of its dead band may slide now and then. Only the stretches between slides
+    are tested: correlated noise is present in all of them.
     """
     if resting.size < _RESTING:
         return False
@@ -146,16 +159,17 @@ def _tells_kicks(resting: np.ndarray) -> bool:
 
 
 def _between_slides(resting: np.ndarray) -> list[np.ndarray]:
-    """The rows of a rest without those about a step, which is an outlier among the differences of neighbouring means.
+    """Split a rest at its steps, and drop the rows near them.
 
-    By medians, so that differences of all kinds of steady noise, and of a drift, have no outliers.
+    A step is an outlier among the differences of adjacent means. Medians are used, so steady noise and drift have no
+    outliers.
     """
-    sums, ends = np.concatenate([[0.0], np.cumsum(resting)]), np.arange(_BESIDE, resting.size - _BESIDE + 1)
-    steps = sums[ends + _BESIDE] - 2 * sums[ends] + sums[ends - _BESIDE]
+    sums, ends = np.concatenate([[0.0], np.cumsum(resting)]), np.arange(_NEIGHBOURS, resting.size - _NEIGHBOURS + 1)
+    steps = sums[ends + _NEIGHBOURS] - 2 * sums[ends] + sums[ends - _NEIGHBOURS]
     off = np.abs(steps - np.median(steps))
     still = np.ones(resting.size + 2, bool)
     for end in ends[off > thresholds.EXTREME * np.median(off) / NORMAL_MAD]:
-        still[end - _BESIDE + 1 : end + _BESIDE + 1] = False
+        still[end - _NEIGHBOURS + 1 : end + _NEIGHBOURS + 1] = False
     still[[0, -1]] = False
     edges = np.flatnonzero(np.diff(still))
     return [resting[begin:end] for begin, end in zip(edges[::2], edges[1::2], strict=True)]
@@ -166,38 +180,49 @@ def _is_white(rows: np.ndarray) -> bool:
     return autoregression(rows - line, np.zeros(1, int))[0].size == 0
 
 
-def _remembers(moving: np.ndarray, level: float) -> bool:
-    """Whether what is left in motion is coloured, or larger than white noise of the run; a long rest hides that."""
+def _is_correlated(moving: np.ndarray, level: float) -> bool:
+    """Return True if residuals in motion are correlated or too large.
+
+    A long rest would hide this.
+    """
     if moving.size == 0:
         return False
     larger = np.mean(moving**2) > level * (1 + thresholds.SURE * np.sqrt(2 / moving.size))
     return bool(larger or autoregression(moving, np.zeros(1, int))[0].size)
 
 
-def _shaken(problem: Problem, at: Solution, run: int, series: Series) -> Colour | None:
+def _fit_floor(problem: Problem, at: Solution, run: int, series: Series) -> Colour | None:
     passage = passage_of(problem, at, run, series.t)
-    return None if passage is None else kicked(series, passage)
+    return None if passage is None else fit_floor_noise(series, passage)
 
 
 def _criterion(colour: Colour) -> float:
-    """Schwarz's criterion; how a process starts is left out, for what a model lacks starts like a shaken motion."""
+    """Return the Bayesian information criterion of a noise model.
+
+    The initial state of the process is ignored, because model error starts like floor vibration.
+    """
     size = colour.log_determinant - (colour.spread if colour.transition is None else 0.0)
     return size + np.log(colour.left.size) * colour.n_parameters
 
 
 def remembered(rows: Rows, colour: Colour) -> float:
-    """Samples that tell as much as one: the spectral density of the noise at zero over that of independent samples."""
+    """Return the number of samples that carry the information of one.
+
+    It is the spectral density at zero frequency over that of independent samples.
+    """
     fading = max(1 - float(np.sum(colour.coefficients)), np.finfo(float).eps)
     return min(max((colour.std / fading) ** 2 / rows.level, 1.0), rows.series.t.size * rows.samples / 2)
 
 
 class UnderNoise(NamedTuple):
-    """A fit weighed by noises that were seen elsewhere on the same samples.
+    """A fit weighted by the noise models of another fit.
+
+    Both fits have the same samples.
 
     Attributes:
-        misfit: sum of squares of its rows, weighed by the noise, and of its priors, where it is the least.
-        shape: the quadratic form that leads there from where the fit is.
-        times, residuals: of the rows of each run there, the latter of unit variance.
+        misfit: minimum of the sum of squares of rows and priors, weighted by the noise.
+        shape: the quadratic model that leads from the fit to that minimum.
+        times, residuals: of the rows of each run at the minimum; residuals have unit variance.
     """
 
     misfit: float
@@ -207,7 +232,7 @@ class UnderNoise(NamedTuple):
 
 
 def under_noise(problem: Problem, solution: Solution, seen: Sequence[Seen]) -> UnderNoise:
-    """A fit weighed by noises, one for each run."""
+    """Return the fit weighted by one noise model for each run."""
     pairs = enumerate(seen)
     runs = [Seen(run_in_rows(problem, solution.evaluation, run, like.rows.samples), like.colour) for run, like in pairs]
     counted = weighed_rows(runs)
@@ -225,9 +250,10 @@ Weighed = tuple[np.ndarray, np.ndarray]
 
 
 def weighed_rows(seen: Sequence[Seen]) -> list[Weighed]:
-    """The rows of each run weighed by their noise, and the mean of each noise that remembers, over its size.
+    """Return whitened rows of each run, and the mean of correlated noise.
 
-    Noise that hardly forgets does not tell the level about which it wanders: the fit lies in the middle of its record.
+    The mean is in units of the noise. Noise of long memory hardly determines its mean, so this row centres the fit in
+    its record.
     """
     rows = [whitened(row.series, colour) for row, colour in seen]
     for series, colour in ((row.series, colour) for row, colour in seen if colour.coefficients.size):
@@ -240,7 +266,7 @@ def weighed_rows(seen: Sequence[Seen]) -> list[Weighed]:
 def least_squares(
     problem: Problem, at: Solution, counted: Iterable[Weighed]
 ) -> tuple[Quadratic, np.ndarray, np.ndarray]:
-    """Quadratic form, gradient and normal matrix of weighed residuals and of the priors."""
+    """Return quadratic model, gradient and normal matrix of weighted residuals and priors."""
     residual, limits = problem.residual, problem.limits
     p, n = residual.n_parameters, at.y.size
     weight = np.asarray(residual.prior_weight)
@@ -255,27 +281,29 @@ def least_squares(
 
 
 def variance_left(row: Rows, colour: Colour, until: float = np.inf) -> float:
-    """Variance of the samples up to a time [s] without a drift, a hum and a level, in that stated.
+    """Return the variance of samples without drift, hum and mean.
 
-    Drift and hum are taken from the samples, for rows do not show all of them; what else the rows have less of is the
-    motion that is not fitted anew yet.
+    It is relative to the stated one. `until` is the last time [s]. Drift and hum are subtracted from the samples,
+    because rows do not show all of them. The other reduction in the rows is motion that the next step of the fit
+    removes.
     """
     series, used = row.series, (row.weight > 0) & (row.t <= until)
     samples = (row.left + colour.at(row.t, series.t) * row.weight)[used]
     before = series.residual + colour.beside @ colour.sizes
     after = colour.left
     if colour.coefficients.size:
-        # The level about which noise that remembers wanders means nothing.
+        # The mean of noise with long memory carries no information.
         after = after - series.unit * (series.unit @ after) / (series.unit @ series.unit)
     moved = float(np.mean((before**2 - after**2)[series.t <= until])) / row.samples
     return max(float(np.mean(samples**2)) - moved, 0.0)
 
 
 def expected_size(window: Window, row: Rows, colour: Colour) -> float:
-    """Standard deviation that the noise of the rest would have all over the run, in that stated; zero where unknown.
+    """Return the noise level at rest, extrapolated to the whole run.
 
-    Noise that wanders slowly is larger over a run than in any piece of it. Whether it may be noise follows from its
-    innovations: those that the process of the rest leaves in the motion are then no larger than those in the rest.
+    It is a standard deviation relative to the stated one; zero if unknown. Slowly varying noise is larger over a run
+    than in a piece of it. It may be noise if its innovations, with the process fitted at rest, are not larger in motion
+    than at rest.
     """
     if colour.transition is not None:
         size = whiteness(whitened(row.series._replace(residual=colour.left), colour)[0]).white
@@ -285,10 +313,10 @@ def expected_size(window: Window, row: Rows, colour: Colour) -> float:
         return 0.0
     begin = np.zeros(1, int)
     coefficients, _ = autoregression(colour.left[still], begin)
-    # Without the first rows, which the release may have excited.
+    # Skip the first rows, which the release may have excited.
     parts = [innovations(colour.left[part, None], begin, coefficients) for part in (~still, still)]
     moving, resting = (part[coefficients.size :] for part in parts)
-    # By medians, for spikes in the rest are no noise that wanders; a random walk grows with the root of time.
+    # Medians ignore spikes in the rest, which are no slow noise. A random walk grows with the square root of time.
     parts = resting, colour.left[still]
     typical, seen = (float(np.median(np.abs(part - np.median(part)))) / NORMAL_MAD for part in parts)
     size = np.sqrt(variance_left(row, colour)) * typical / max(np.std(moving), np.finfo(float).tiny)
@@ -296,11 +324,11 @@ def expected_size(window: Window, row: Rows, colour: Colour) -> float:
 
 
 def _at_rest(window: Window, row: Rows) -> np.ndarray:
-    """Which rows lie in the rest."""
+    """Return True for rows in the rest."""
     return row.series.t > window.stopped
 
 
 def _level(row: Rows, stated: bool) -> float:
-    """Variance of white noise: that `stated`, where it is and the residuals do not contradict it."""
+    """Return the variance of white noise; `stated` if the residuals allow it."""
     enough = 1 + thresholds.SURE * np.sqrt(2 / (row.series.t.size * row.samples))
     return 1.0 if stated and row.level < enough else row.level

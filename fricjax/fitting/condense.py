@@ -1,17 +1,17 @@
-"""Fewer samples that say the same: each stretch between two reversals by the nodes of a Gauss quadrature.
+"""Condense samples between reversals to nodes of a Gauss quadrature.
 
-Between reversals a motion is smooth, and to far below the noise a polynomial p of degree below d. For n samples x_i
+Between reversals a motion is smooth: to far below the noise it is a polynomial p of degree below d. For n samples x_i
 with weights w_i at times t_i let q be their weighted least-squares polynomial of degree below d. Then
 
     sum w_i (x_i - p(t_i))^2  =  sum w_i (x_i - q(t_i))^2  +  sum w_i (q - p)^2(t_i),
 
-since x - q is orthogonal to all such polynomials. The first sum does not depend on p. The square in the second has
-a degree below 2 d, so the Gauss quadrature that belongs to the samples, with d nodes s_j and weights W_j, gives it
-exactly: sum W_j (q(s_j) - p(s_j))^2. So d samples q(s_j) of weight W_j have, for every such motion, the same gradient
-and the same normal matrix as the n samples: the estimate and its covariance do not change (Golub and Welsch, Math.
-Comp. 23, 1969, for nodes and weights).
+since x - q is orthogonal to all such polynomials. The first sum does not depend on p. The square in the second has a
+degree below 2 d, so the Gauss quadrature for the samples, with d nodes s_j and weights W_j, gives it exactly:
+sum W_j (q(s_j) - p(s_j))^2. So d samples q(s_j) of weight W_j have, for every such motion, the same gradient and the
+same normal matrix as the n samples: the estimate and its covariance do not change (Golub and Welsch, Math. Comp. 23,
+1969, for nodes and weights).
 
-Samples near the reversals, where the acceleration jumps or a law changes fast, are kept as they are.
+Samples near the reversals, where the acceleration jumps or a law changes fast, are kept unchanged.
 """
 
 import functools
@@ -29,7 +29,13 @@ _EVEN = 1e-9
 
 
 class Rule(NamedTuple):
-    """Gauss quadrature of weighted samples: nodes in [-1, 1], weights, and the matrix from samples to nodes."""
+    """Gauss quadrature of weighted samples.
+
+    Attributes:
+        nodes: in [-1, 1].
+        weights: of the nodes.
+        project: matrix from samples to nodes.
+    """
 
     nodes: np.ndarray
     weights: np.ndarray
@@ -37,13 +43,15 @@ class Rule(NamedTuple):
 
 
 class Condensation(NamedTuple):
-    """Which few samples say what many do: it follows from times and weights alone, and is linear in displacements.
+    """Selection of few samples with the same normal equations as many.
+
+    It depends on times and weights only, and is linear in the displacements.
 
     Attributes:
-        used: which of the many count, shape (n,).
-        t, weight: those of the few, of shape (m,).
-        panels: index ranges of the used samples in order, and the matrix from each to its nodes; None where samples are
-            kept as they are.
+        used: True for samples of non-zero weight, shape (n,).
+        t, weight: times and weights of the few samples, shape (m,).
+        panels: index ranges of the used samples in order, and the matrix from the samples of each range to its nodes;
+            None for samples that are kept unchanged.
     """
 
     used: np.ndarray
@@ -52,7 +60,7 @@ class Condensation(NamedTuple):
     panels: Sequence[tuple[int, int, np.ndarray | None]]
 
     def of(self, x: np.ndarray) -> np.ndarray:
-        """Displacements of the few samples from those of the many [m]."""
+        """Return displacements of the few samples, given those of the many [m]."""
         x = x[self.used]
         parts = (x[begin:end] if project is None else project @ x[begin:end] for begin, end, project in self.panels)
         return np.concatenate(list(parts))
@@ -63,10 +71,10 @@ def condense(t: np.ndarray, weight: np.ndarray, breaks: ArrayLike, margins: Arra
 
     Args:
         t: times of samples, in order [s].
-        weight: one over the noise of each [1/m]; those of weight zero are left out.
-        breaks: instants at which the motion is not smooth [s], in order; what lies before the first one and behind the
-            last one is taken for smooth as well.
-        margins: for each break the time around it in which samples are kept as they are [s].
+        weight: one over the noise of each [1/m]; samples of weight zero are dropped.
+        breaks: instants at which the motion is not smooth [s], in order. It must be smooth before the first and after
+            the last one.
+        margins: half-width of the interval around each break in which samples are kept unchanged [s].
 
     Returns:
         The few samples, in the order of time.
@@ -91,7 +99,7 @@ def condense(t: np.ndarray, weight: np.ndarray, breaks: ArrayLike, margins: Arra
 
 
 def _panels(t: np.ndarray, breaks: ArrayLike, margins: ArrayLike) -> Iterator[tuple[int, int, bool]]:
-    """Index ranges of all samples in order, and whether each is to be condensed."""
+    """Yield index ranges of all samples, and True if to be condensed."""
     below = np.searchsorted(t, np.subtract(breaks, margins))
     above = np.searchsorted(t, np.add(breaks, margins), side="right")
     at = 0
@@ -107,7 +115,7 @@ def _panels(t: np.ndarray, breaks: ArrayLike, margins: ArrayLike) -> Iterator[tu
 
 
 def _is_even(t: np.ndarray, weight: np.ndarray) -> bool:
-    """Whether all samples weigh the same and are equidistant to far below their interval."""
+    """Return True if all samples have equal weights and are equidistant."""
     interval = (t[-1] - t[0]) / (t.size - 1)
     apart = np.abs(t - t[0] - interval * np.arange(t.size))
     return bool(np.all(weight == weight[0]) and np.all(apart < _EVEN * interval + 4e-16 * np.abs(t[-1])))
@@ -119,17 +127,20 @@ def _even_rule(n: int) -> Rule:
 
 
 def gauss_rule(place: np.ndarray, power: np.ndarray) -> Rule:
-    """Gauss quadrature of the measure with weights `power` at `place`, by the orthonormal polynomials of Stieltjes."""
-    diagonal, beside, basis = np.zeros(DEGREE), np.zeros(DEGREE), np.zeros((DEGREE, place.size))
+    """Return the Gauss quadrature of the measure with weights `power` at `place`.
+
+    It follows from the orthonormal polynomials of Stieltjes.
+    """
+    diagonal, off_diagonal, basis = np.zeros(DEGREE), np.zeros(DEGREE), np.zeros((DEGREE, place.size))
     total = power.sum()
     here, before = np.full(place.size, 1 / np.sqrt(total)), np.zeros(place.size)
     for k in range(DEGREE):
         basis[k] = here
         diagonal[k] = np.sum(power * place * here**2)
-        rest = (place - diagonal[k]) * here - (beside[k - 1] * before if k else 0.0)
-        beside[k] = np.sqrt(np.sum(power * rest**2))
-        before, here = here, rest / beside[k]
-    nodes, vectors = np.linalg.eigh(np.diag(diagonal) + np.diag(beside[:-1], 1) + np.diag(beside[:-1], -1))
+        rest = (place - diagonal[k]) * here - (off_diagonal[k - 1] * before if k else 0.0)
+        off_diagonal[k] = np.sqrt(np.sum(power * rest**2))
+        before, here = here, rest / off_diagonal[k]
+    nodes, vectors = np.linalg.eigh(np.diag(diagonal) + np.diag(off_diagonal[:-1], 1) + np.diag(off_diagonal[:-1], -1))
     weights = total * vectors[0] ** 2
     # Values of the orthonormal polynomials at a node are the components of its eigenvector, up to the scale.
     values = vectors / (vectors[0] * np.sqrt(total))

@@ -1,6 +1,6 @@
-"""A solved fit in the terms of its user: values of the parameters, the machine, and what a trace tells without any rig.
+"""Physical values of a solved fit: parameters, machine, and kinematics.
 
-The latter are quantities in which the common scale of mass, stiffness and load drops out.
+Kinematics are quantities that need no rig: they do not depend on the common scale of mass, stiffness and load.
 """
 
 from collections.abc import Sequence
@@ -18,14 +18,14 @@ from .residual import Residual
 
 
 class Derived(NamedTuple):
-    """What the coordinates of a fit stand for.
+    """Physical values for the coordinates of a fit.
 
     Attributes:
-        values: values of the parameters in their own units, shape (p,); `slope`: derivative of each with respect to
-            its coordinate.
+        values: values of the parameters in their own units, shape (p,); `slope`: derivative of each with respect to its
+            coordinate.
         machine: the oscillator.
         kinematics: the quantities of `UNITS` in order, shape (q,); `by_coordinate`: their derivatives with respect to
-            the coordinates, those of the inputs of the rig included, shape (q, coordinates).
+            the coordinates and the inputs of the rig, shape (q, coordinates).
     """
 
     values: Any
@@ -50,7 +50,7 @@ UNITS = {
 
 
 def derive(residual: Residual, y: Float[Array, " coordinates"]) -> Derived:
-    """What coordinates `y` stand for; traced."""
+    """Return the physical values for coordinates `y`; traceable."""
     p = residual.n_parameters
     slope = residual.space.slope(y[:p])
 
@@ -77,11 +77,14 @@ def _quantities(oscillator: Oscillator) -> Float[Array, " quantities"]:
 
 
 def kinematics(derived: Derived, covariances: Covariance) -> dict[str, Measured]:
-    """Undamped natural frequency, damping ratio, dead band mu N/k, and friction and drag per unit mass.
+    """Return the kinematic quantities with their statistical standard errors.
+
+    They are the undamped natural frequency, the damping ratio, the dead band mu N/k, and friction and drag per unit
+    mass.
 
     Args:
-        derived: the solved fit.
-        covariances: covariances of its parameters, of which the statistical one counts.
+        derived: physical values of the solved fit.
+        covariances: covariances of its parameters; only the statistical one is used.
     """
     estimates = {}
     for (name, unit), value, slope in zip(UNITS.items(), derived.kinematics, derived.by_value, strict=True):
@@ -92,13 +95,14 @@ def kinematics(derived: Derived, covariances: Covariance) -> dict[str, Measured]
 
 
 def contributions(names: Sequence[str], derived: Derived, covariances: Covariance) -> dict[str, np.ndarray]:
-    """Change of each parameter and of each of the kinematics for one standard uncertainty of each input of the rig.
+    """Return the effect of each rig input on parameters and kinematics.
 
-    An input changes the kinematics where it is a coefficient of the machine, and as the parameters follow it.
+    An effect is the change per standard uncertainty of the input. Kinematics change directly, if the input is a
+    coefficient of the machine, and through the parameters.
 
     Args:
-        names: of the parameters.
-        derived: the solved fit.
+        names: names of the parameters.
+        derived: physical values of the solved fit.
         covariances: covariances of its parameters.
     """
     direct = np.asarray(derived.by_coordinate)[:, len(names) :]

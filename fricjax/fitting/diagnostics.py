@@ -1,4 +1,4 @@
-"""What a fit came to: its status in words, the flags of its parameters, and how well the model describes the record."""
+"""Diagnostics of a fit: its status, flags of its parameters, and misfit."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -21,21 +21,21 @@ from .window import Window
 
 CONVERGED, AT_BOUND, MISFIT = "converged", "at a bound", "does not describe the record"
 _OPTIMA = (CONVERGED, AT_BOUND, MISFIT)
-# Part of the amplitude that the error of a computed motion may reach, 0.02 nm on 2 mm: a record without noise, as a
-# simulation writes it, is not described more closely.
+# Error of the computed motion relative to the amplitude, 0.02 nm on 2 mm. Smaller residuals are not expected, even for
+# a noise-free record from a simulation.
 _COMPUTED = 1e-8
 
 
 class Misfit(NamedTuple):
-    """The residuals of the run that is described worst, beside its noise.
+    """The run with the largest residuals relative to its noise.
 
     Attributes:
-        size: root mean square of its residuals, or with a robust loss their median absolute value over 0.6745, in the
-            unit of the record; of those in motion where these are larger, `in_motion`.
-        noise: its noise, with what that found in it may add up to; `level`: as stated or as neighbouring samples show
-            it; `stated`: as stated, inf where its size says nothing.
+        size: root mean square of its residuals, or for a robust loss their median absolute value over 0.6745, in the
+            unit of the record. If residuals in motion are larger, it covers those only, and `in_motion` is True.
+        noise: noise level to compare with, including slow noise; `level`: the larger of the stated level and that from
+            neighbouring samples; `stated`: as stated, inf if only relative weights were stated.
         run: its number.
-        faults: what its record shows besides, a sentence for each by its repair, where they were looked for.
+        faults: faults of its record, a sentence for each by the name of its repair; empty if not searched for.
     """
 
     size: float
@@ -53,18 +53,20 @@ class Misfit(NamedTuple):
 
 
 def noise_level(window: Window, relative: bool = False) -> float:
-    """Noise that the residuals of a record are compared with: as stated, or as seen in the record where that is larger.
+    """Return the noise level for comparison with the residuals of a record.
+
+    It is the stated level, or the level seen in the record if that is larger.
 
     Args:
         window: the fitted part of the record.
-        relative: whether stated noise only weighs the samples against each other, so that its size says nothing.
+        relative: if True, stated noise gives only relative weights, so its size is ignored.
     """
     seen = max(window.segmentation.noise, _COMPUTED * window.segmentation.amplitude)
     return seen if relative else max(seen, window.stated)
 
 
 def misfit_of(problem: Problem, solution: Solution, noises: Sequence[Noise], relative: bool) -> Misfit:
-    """How large the residuals are beside the noise, in the run where that is the worst; drift and hum are noise."""
+    """Return the worst misfit of all runs; drift and hum are noise."""
     sizes = []
     for part, window, noise in zip(problem.by_run(solution.evaluation.residual), problem.windows, noises, strict=True):
         t = np.asarray(window.trace.t) - window.origin
@@ -74,19 +76,19 @@ def misfit_of(problem: Problem, solution: Solution, noises: Sequence[Noise], rel
 
 
 def worst(problem: Problem, sizes: Sequence[Sequence[float]], expected: Sequence[float], relative: bool) -> Misfit:
-    """The run whose residuals are the largest in units of its noise.
+    """Return the misfit of the run with the largest residual-to-noise ratio.
 
     Args:
         problem: the problem.
-        sizes: typical size of the weighted residuals of each run, over all and in motion.
-        expected: that which its noise may have.
-        relative: whether stated noise only weighs the samples.
+        sizes: typical size of the weighted residuals of each run, overall and in motion.
+        expected: size that the noise of each run may have.
+        relative: if True, stated noise gives only relative weights.
     """
     misfits = []
     for run, ((over_all, moving), least, window) in enumerate(zip(sizes, expected, problem.windows, strict=True)):
         stated = window.stated
         level = noise_level(window, relative)
-        # A long rest, which every model describes, would hide what one lacks in motion.
+        # A long rest, which every model fits, would hide a misfit in motion.
         size = float(np.maximum(over_all, moving)) * stated
         noise = max(level, least * stated)
         misfits.append(Misfit(size, noise, np.inf if relative else stated, level, run, bool(moving > over_all)))
@@ -94,7 +96,7 @@ def worst(problem: Problem, sizes: Sequence[Sequence[float]], expected: Sequence
 
 
 def with_faults(problem: Problem, misfit: Misfit) -> Misfit:
-    """The same with the faults of its record, which are looked for where residuals are larger than its noise."""
+    """Add the faults of the record if its residuals exceed its noise."""
     if not misfit.size > thresholds.NOTICED * misfit.level:
         return misfit
     window = problem.windows[misfit.run]
@@ -103,24 +105,24 @@ def with_faults(problem: Problem, misfit: Misfit) -> Misfit:
 
 
 def of_run(number: int, problem: Problem) -> str:
-    """Which run a sentence is about, where there are several: " of run 2"."""
+    """Return " of run 2" for a sentence, if there are several."""
     return "" if len(problem.windows) == 1 else f" of {problem.labels[number]}"
 
 
 def optimum_found(status: str) -> bool:
-    """Whether a status is that of an optimum that determines all parameters not held by a bound."""
+    """Return True if the status names an optimum of full rank."""
     return status.split(":")[0] in _OPTIMA
 
 
 def status_of(problem: Problem, solution: Solution, covariance: Covariance, misfit: Misfit) -> str:
-    """The outcome in words; what stands before the colon is its name."""
+    """Return the outcome in words; its name precedes the colon."""
     if solution.status == NOT_FINITE or not np.all(np.isfinite(solution.derived.values)):
         return "not finite: the model fails at the start values. Check the law's coefficients and the engine."
     if solution.status == OUT_OF_STEPS:
-        return "out of steps: the optimum was not reached. Start nearer, free fewer parameters, or ask multistart()."
+        return "out of steps: the optimum was not reached. Start nearer, free fewer parameters, or use multistart()."
     if solution.status == STALLED:
         return (
-            "stalled: no step improves the fit although the gradient asks for one. Check bounds and the law, or ask "
+            "stalled: no step improves the fit although the gradient is not zero. Check bounds and the law, or use "
             "multistart() for better start values."
         )
     if not covariance.full_rank:
@@ -128,11 +130,11 @@ def status_of(problem: Problem, solution: Solution, covariance: Covariance, misf
         remedy = _repair(misfit) or "fix one of them or record more half-cycles"
         return f"undetermined: the record does not determine {lost}. {remedy.capitalize()}."
     at_bound = _listed(problem, covariance.at_bound)
-    # A size that is not finite is no description either, and values that were repeated are no noise of any size.
+    # A size that is not finite is a misfit too. Repeated values are dropouts, not noise.
     if not misfit.ratio <= thresholds.DESCRIBED or "dropouts" in misfit.faults:
         return f"{MISFIT}: {_compared(problem, misfit)}; {_remedy(problem, solution, misfit, at_bound)}."
     if at_bound:
-        return f"{AT_BOUND}: {at_bound}. Widen the bound, fix what it holds, or take a law without it."
+        return f"{AT_BOUND}: {at_bound}. Widen the bound, fix this parameter, or use a law without it."
     return CONVERGED
 
 
@@ -149,29 +151,30 @@ def _compared(problem: Problem, misfit: Misfit) -> str:
 
 
 def _remedy(problem: Problem, solution: Solution, misfit: Misfit, at_bound: str) -> str:
-    """What most likely keeps a model from describing its record."""
+    """Return the most likely remedy for a model that misses its record."""
     if repair := _repair(misfit):
         return repair
     if isinstance(problem.loss, Squares) and _by_few(problem, solution, misfit.run):
-        return "few samples far from all others hold most of that: mask them, or count them less with loss='huber'"
+        return "a few outliers cause most of that: mask them, or reduce their weight with loss='huber'"
     if any(growth(window) for window in problem.windows):
-        return "its swing grows with time: check the order of the samples"
+        return "its amplitude grows with time: check the order of the samples"
     if at_bound:
         return f"{at_bound} is held at a bound, which may be the reason: widen it"
     if any(holds_release(window) for window in problem.windows):
         return "start at the first reversal, behind the transient of the release"
-    return "plot them: choose another law, or look for fringe slips, vibration and drift"
+    return "plot the residuals: choose another law, or search for fringe slips, vibration and drift"
 
 
 def _repair(misfit: Misfit) -> str:
-    """What mends the faults of a record; empty where it has none."""
+    """Return the option that repairs the faults of a record, if any."""
     return f"read it with repair='{','.join(misfit.faults)}'" if misfit.faults else ""
 
 
 def _by_few(problem: Problem, solution: Solution, run: int) -> bool:
-    """Whether a fiftieth of the samples in motion holds nine tenths of the squares, as of spikes and of no motion.
+    """Return True if a few outliers dominate the residuals in motion.
 
-    Convention: of a sinusoid it holds a twenty-fifth. A chunk of a batch keeps no residuals to look at.
+    They do if 2 % of the samples hold 90 % of the sum of squares; for a sinusoid they hold 4 % (convention). In a batch
+    the per-sample residuals are not kept.
     """
     if not solution.evaluation.residual.size:
         return False
@@ -181,19 +184,19 @@ def _by_few(problem: Problem, solution: Solution, run: int) -> bool:
 
 
 def holds_release(window: Window) -> bool:
-    """Whether the half-cycle from the release to the first reversal is fitted."""
+    """Return True if the half-cycle before the first reversal is fitted."""
     reversals, half_period = window.segmentation.turning_times, window.segmentation.half_period
     return reversals.size > 0 and bool(window.origin < reversals[0] - 0.75 * half_period)
 
 
 def growth(window: Window) -> tuple[float, float] | None:
-    """First and last half-cycle of a record whose swing grows with time, which no free decay does; None for a decay."""
+    """Return first and last half-cycle [m] if the amplitude grows, else None."""
     segmentation = window.segmentation
     paths = np.abs(np.diff(segmentation.turning_points))
     if paths.size < 2:
         return None
     first, last = float(paths[0]), float(paths[-1])
-    # One in a hundred is more than a beat between modes or the rounding of an encoder makes of a steady swing.
+    # Beats between modes and the rounding of an encoder change a steady amplitude by less than 1 %.
     grows = last - first > max(thresholds.EXTREME * segmentation.noise, 0.01 * first) and np.median(np.diff(paths)) > 0
     return (first, last) if grows else None
 
@@ -219,7 +222,7 @@ def flags_of(problem: Problem, covariance: Covariance, solution: Solution) -> di
 
 
 def too_large(problem: Problem, parameter: Parameter, value: float) -> bool:
-    """Whether a value is a coefficient of friction larger than there are."""
-    # Under unit load, which stands for an unknown one, mu is a deceleration or a dead band of any size.
+    """Return True if mu is implausibly large."""
+    # A unit load means that the load is unknown; mu is then a deceleration or a dead band of any size.
     loaded = float(problem.residual.oscillator.normal_force) != 1.0
     return parameter.kind == "mu" and loaded and value > thresholds.LARGEST_MU

@@ -1,16 +1,16 @@
-"""Start values of a pendulum from its envelope: all reversals of a record, their angles and their times, at once.
+"""Start values of a pendulum from angles and times of its reversals.
 
 Over a half-cycle between the angles x_n and x_{n+1} the energy per unit inertia and per squared angular frequency,
 ``u = 1 - cos x``, falls by
 
     u_n - u_{n+1} = (f/omega^2) |x_n - x_{n+1}| + (c/omega) int w |dx| + q int w^2 |dx|,
 
-with dry friction f, damping c and drag q per unit inertia and the speed ``v = omega w``; and it lasts
-``(1/omega) int |dx|/w``. The integrals are those of the motion itself, without small angles: ``w^2/2`` is what is left
-of the energy above the potential, and how the loss is spread over the half-cycle follows from the coefficients of the
-last round. Summed up from the first reversal on, both equations are linear in what is sought, and in each the error of
-a reading enters only once. So weighted least squares give friction, damping and drag with the offset from the angles,
-and omega from the times, nearly as well as the whole record does.
+with dry friction f, damping c and drag q per unit inertia and the speed ``v = omega w``. Its duration is
+``(1/omega) int |dx|/w``. The integrals hold for large angles: ``w^2/2`` is the energy above the potential. The
+coefficients of the previous iteration determine how the loss is distributed over the half-cycle. Summed from the first
+reversal, both equations are linear in the unknowns, and each reading error enters only once. Weighted least squares
+give friction, damping, drag and offset from the angles, and omega from the times, nearly as accurately as a fit of the
+whole record.
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,29 +21,32 @@ import numpy as np
 from ..data import Segmentation
 from .window import equilibrium
 
-# Points of the midpoint rule over a half-cycle; from 3.1 rad on its poles lie 0.2 beside the ends, exp(-2 64 0.2).
+# Points of the midpoint rule over a half-cycle. Beyond 3.1 rad its poles are 0.2 from the ends: error exp(-2 64 0.2).
 _POINTS = 64
 _PHASE = np.pi * (np.arange(_POINTS) + 0.5) / _POINTS
-# From values there to integrals from the start to there, by their cosine series.
+# Matrix from values at these points to integrals up to each of them, by a cosine series.
 _RANKS = np.arange(1, _POINTS)
 _INTEGRATION = (
     _PHASE[None, :] + 2 * np.cos(np.outer(_PHASE, _RANKS)) @ (np.sin(np.outer(_RANKS, _PHASE)) / _RANKS[:, None])
 ) / _POINTS
-# Reversals without which the envelope tells no more than the mean half-cycle does.
+# Fewest reversals for which the envelope is better than the mean half-cycle.
 FEWEST = 6
-# Each round leaves of an error what the loss of a half-cycle is of its energy.
+# Each iteration reduces an error by the fraction of the energy lost in a half-cycle.
 _ROUNDS = 5
-# The same for how the loss is spread; close to the top the first strokes are slow, and what they lose early counts.
+# Iterations for the distribution of the loss. Near the top the first half-cycles are slow, so early losses matter.
 _SPREADS = 6
-# Slope of the energy below which readings count alike: there the model errs more than the reading does.
+# Slope of the energy below which all readings have equal weights: there the model error exceeds the reading error.
 _LEAST_SLOPE = 0.02
-# Huber's bound in standard deviations, for reversals that were read wrong.
+# Huber's bound in standard deviations, for reversals with wrong readings.
 _OUTLYING = 3.0
 TERMS = ("friction", "damping", "drag")
 
 
 class Envelope(NamedTuple):
-    """Angular frequency [rad/s], f/omega^2, c/omega and q of the docstring above, and what u loses per radian."""
+    """Angular frequency [rad/s], f/omega^2, c/omega, q, and loss per radian.
+
+    Symbols are those of the module docstring; the loss is that of u.
+    """
 
     omega: float
     friction: float
@@ -53,7 +56,7 @@ class Envelope(NamedTuple):
 
 
 class _Reversals(NamedTuple):
-    """Times [s] and angles [rad] of the reversals of one record, and the angle about which they alternate."""
+    """Times [s], angles [rad] and centre [rad] of one record's reversals."""
 
     t: np.ndarray
     x: np.ndarray
@@ -61,11 +64,11 @@ class _Reversals(NamedTuple):
 
 
 def envelope(decays: Sequence[Segmentation], fixed: Mapping[str, float], lower: Mapping[str, float]) -> Envelope | None:
-    """What the reversals of some records of one pendulum say; None where they are too few.
+    """Estimate the coefficients of a pendulum; None if reversals are too few.
 
     Args:
-        decays: segmentations of the records.
-        fixed: those of friction, damping and drag per unit inertia that are known; "omega" where that is.
+        decays: segmentations of records of one pendulum.
+        fixed: known values of friction, damping and drag per unit inertia, and of "omega", by name.
         lower: least value of each of the others, per unit inertia.
     """
     runs = [run for run in map(_reversals, decays) if run.t.size >= FEWEST]
@@ -88,7 +91,10 @@ def envelope(decays: Sequence[Segmentation], fixed: Mapping[str, float], lower: 
 
 
 def _reversals(segmentation: Segmentation) -> _Reversals:
-    """The reversals as long as they alternate: the last one may stay on the side of the one before."""
+    """Return the reversals up to the first that stays on one side.
+
+    They must lie within a half-turn of the centre.
+    """
     x, offset = segmentation.turning_points, equilibrium(segmentation)
     same = np.flatnonzero((x[1:] - offset) * (x[:-1] - offset) >= 0)
     kept = slice(0, int(same[0]) + 1 if same.size else x.size)
@@ -97,7 +103,10 @@ def _reversals(segmentation: Segmentation) -> _Reversals:
 
 
 def _integrals(run: _Reversals, last: Envelope) -> tuple[np.ndarray, ...]:
-    """Duration times omega, path, and the integrals of w and w^2 over it, summed up to each reversal."""
+    """Return the integrals of 1/w, 1, w and w^2 to each reversal.
+
+    The first one is the duration times omega.
+    """
     x = run.x - run.offset
     begin, end = x[:-1, None], x[1:, None]
     half, share = np.abs(begin - end) / 2, (1 - np.cos(_PHASE)) / 2
@@ -118,7 +127,10 @@ def _integrals(run: _Reversals, last: Envelope) -> tuple[np.ndarray, ...]:
 
 
 def _frequency(runs: Sequence[_Reversals], elapsed: Sequence[np.ndarray]) -> float:
-    """The angular frequency: times against the durations summed up, a start for each record, small swings for less."""
+    """Return the angular frequency by regression of times on summed durations.
+
+    Each record has its own start time; small swings weigh less.
+    """
     x = np.concatenate([run.x - run.offset for run in runs])
     weight = np.maximum(np.abs(np.sin(x)), _LEAST_SLOPE)
     columns = [np.concatenate(list(elapsed)), *_blocks(runs, [np.ones(run.t.size) for run in runs])]
@@ -132,13 +144,13 @@ def _losses(
     known: Mapping[str, float],
     lower: Mapping[str, float],
 ) -> tuple[list[float], np.ndarray]:
-    """Friction, damping and drag of :class:`Envelope`, and what the offset of each record is to be changed by."""
+    """Return friction, damping, drag, and the offset correction of each record."""
     x = [run.x - run.offset for run in runs]
     fallen = np.concatenate([2 * np.sin(y[0] / 2) ** 2 - 2 * np.sin(y / 2) ** 2 for y in x])
     summed = {name: np.concatenate(parts) for name, parts in zip(TERMS, zip(*integrals, strict=True), strict=True)}
     fallen = fallen - sum(known[name] * summed[name] for name in known)
     sought = [name for name in TERMS if name not in known]
-    # With a larger offset the energy at an angle y is lower by its slope, and what has fallen until there is more.
+    # A larger offset lowers the energy at an angle y by its slope, and raises the energy lost so far.
     slopes = [-np.sin(y) for y in x]
     columns = [summed[name] for name in sought] + _blocks(runs, slopes) + _blocks(runs, [np.ones(y.size) for y in x])
     bounds = {i: lower.get(name, -np.inf) for i, name in enumerate(sought)}
@@ -154,7 +166,7 @@ def _mean_loss(runs: Sequence[_Reversals], integrals: Sequence[Sequence[np.ndarr
 
 
 def _blocks(runs: Sequence[_Reversals], values: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """A column for each record, zero outside of it."""
+    """Return one column per record, which is zero for other records."""
     return [
         np.concatenate([values[j] if i == j else np.zeros(run.t.size) for j, run in enumerate(runs)])
         for i in range(len(runs))
@@ -162,7 +174,7 @@ def _blocks(runs: Sequence[_Reversals], values: Sequence[np.ndarray]) -> list[np
 
 
 def _robust(columns: np.ndarray, wanted: np.ndarray, weight: np.ndarray, lower: Mapping[int, float]) -> np.ndarray:
-    """Weighted least squares with lower bounds, the weights of outliers lowered as Huber's loss has it."""
+    """Solve weighted least squares with lower bounds and Huber weights."""
     trust = np.ones(wanted.size)
     solution = np.zeros(columns.shape[1])
     for _ in range(3):
@@ -174,7 +186,7 @@ def _robust(columns: np.ndarray, wanted: np.ndarray, weight: np.ndarray, lower: 
 
 
 def _bounded(columns: np.ndarray, wanted: np.ndarray, weight: np.ndarray, lower: Mapping[int, float]) -> np.ndarray:
-    """Least squares in which whatever falls below its bound is held there, the lowest of them first."""
+    """Solve least squares with lower bounds, by fixing the worst violation repeatedly."""
     size = np.maximum(np.linalg.norm(columns * weight[:, None], axis=0), 1e-300)
     scaled = columns * weight[:, None] / size
     fixed: dict[int, float] = {}

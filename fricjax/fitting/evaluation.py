@@ -1,8 +1,8 @@
-"""One pass over all samples of records: residual, gradient and normal matrix, in bounded memory.
+"""Evaluation over all samples: residual, gradient and normal matrix, in bounded memory.
 
-The motion and its derivatives along all coordinates are computed once, as a path with tangents; the samples are then
-read off it in chunks, each of which adds its share to ``J'J`` and ``J'r``. So ten million samples need no more memory
-for derivatives than ten thousand, and only chunks that hold a sample of some weight are gone through.
+The motion and its derivatives along all coordinates are computed once, as a path with tangents. The samples are then
+read from it in chunks; each adds its part of ``J'J`` and ``J'r``. So memory for derivatives does not grow with the
+number of samples, and chunks without weight at the end are skipped.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,23 +18,23 @@ from ..estimation.loss import AbstractLoss, Squares
 from ..estimation.passes import AbstractPasses, Pass, gather, residual_and_jacobian
 from .residual import ObservedMotion, Residual, Run, power
 
-# Condensed records fill one or two of them; a longer chunk would read more samples of no weight.
+# A condensed record fills one or two chunks; longer chunks would contain more samples without weight.
 CHUNK = 512
-# Most blocks of a record of any length, and samples in one of a record that has more than those of a chunk times eight:
-# enough to show the colour of its noise, few enough to be kept beside its residual, in single precision, which is far
-# below the scatter of the noise in a block.
+# Largest number of blocks of a record, least block length, and longest record with one sample per block. Enough blocks
+# to show the noise spectrum, few enough to store. Single precision suffices: its error is far below the scatter of the
+# noise in a block.
 BLOCKS, _LEAST, _SHORT = 16384, 4, 4096
 
 
 class Block(NamedTuple):
-    """Sums over blocks of neighbouring samples of one run, in order; from them follows the noise of the run.
+    """Sums over blocks of consecutive samples of a run.
 
     Attributes:
-        residual: weighted residuals, each as much as its loss lets it count, shape (blocks,); `square`: their squares,
-            `rough`: squares of their second differences over six, which is their variance if they are white.
-        used: number of samples of some weight, shape (blocks,); `curvature`: sum of the curvatures of their losses.
-        moved: squares of what the computed reading moves from each sample to the next, in units of the noise.
-        slopes: derivatives of `residual` by the coordinates, shape (blocks, coordinates).
+        residual: weighted residuals multiplied by the influence of the loss, shape (blocks,); `square`: their squares,
+            `rough`: squares of their second differences over six, an estimate of their variance if they are white.
+        used: number of samples of non-zero weight, shape (blocks,); `curvature`: sum of the curvatures of their losses.
+        moved: squared change of the computed reading between samples, in units of the noise.
+        slopes: derivatives of `residual` with respect to the coordinates, shape (blocks, coordinates).
     """
 
     residual: Any
@@ -47,22 +47,22 @@ class Block(NamedTuple):
 
     @classmethod
     def of(cls, sums: np.ndarray) -> "Block":
-        """From the columns of such sums."""
+        """Build from an array with the fields as its columns."""
         n = len(cls._fields) - 1
         return cls(*sums[:, :n].T, slopes=sums[:, n:])
 
 
 class Evaluation(NamedTuple):
-    """What a pass over all samples leaves behind.
+    """Result of an evaluation over all samples.
 
     Attributes:
         residual: weighted residual of all samples and priors, shape (residuals,).
         chi2: its sum of squares.
         cost: half the sum of losses.
-        gradient: J'r, shape (coordinates,), each sample weighted as its loss says.
+        gradient: J'r, shape (coordinates,), with samples weighted by the loss.
         normal: J'J, shape (coordinates, coordinates), likewise.
-        runs: what each run adds to cost, gradient and normal matrix, of the samples alone.
-        pulls: size of the spring's force at the turning points of each run, as its path notes them [N].
+        runs: cost, gradient and normal matrix of the samples of each run.
+        pulls: spring force at the turning points of each run, from its path [N].
         blocks: sums over blocks of samples of each run, the columns of a `Block`, shape (blocks, 6 + coordinates).
     """
 
@@ -78,12 +78,12 @@ class Evaluation(NamedTuple):
 
 @eqx.filter_jit
 def evaluate(residual: Residual, y: Float[Array, " coordinates"], loss: AbstractLoss) -> Evaluation:
-    """Residual, gradient and normal matrix at coordinates `y`, from every sample."""
+    """Return residual, gradient and normal matrix at coordinates `y`, from all samples."""
     parts = residual.each(_of_runs(residual, y, loss), residual.runs)
     if len(parts) > 1:
         parts = [_among_all(residual.directions(i), *part) for i, part in enumerate(parts)]
     r, slopes = residual_and_jacobian(residual.priors, y)
-    # A prior counts with its square whatever the loss.
+    # The loss of a prior is always its square.
     priors = gather(r, slopes, Squares())
     residuals, passes, pulls, blocks = zip(*parts, strict=True)
     sums = jax.tree.map(lambda *values: sum(values), priors, *passes)
@@ -94,13 +94,15 @@ def evaluate(residual: Residual, y: Float[Array, " coordinates"], loss: Abstract
 
 
 class EvaluationPasses(AbstractPasses):
-    """Passes by evaluations of records, which are kept; the function that the solver is passed is not asked.
+    """Objective that evaluates records and keeps each evaluation.
+
+    It ignores the function that the solver passes.
 
     Attributes:
-        residual: of the records and priors.
+        residual: residual of the records and priors.
         loss: loss of the residuals.
-        doubted: coordinates at which a motion that is out of phase is no place to begin; NaN for none.
-        tolerance: weighted residual from which a sample is out of phase, shape (samples,) for each run.
+        doubted: coordinates that count as failed if the motion there is out of phase; NaN for none.
+        tolerance: weighted residual above which a sample is out of phase, shape (samples,) for each run.
     """
 
     residual: Residual
@@ -126,24 +128,27 @@ class EvaluationPasses(AbstractPasses):
 def _of_runs(
     residual: Residual, y: Array, loss: AbstractLoss
 ) -> Callable[[Any, Run], tuple[Array, Pass, Array, Array]]:
-    """What is asked of each run; of several, nothing is asked of one that no sample of which has any weight."""
+    """Return the function applied to each run; it skips runs without weight.
 
-    def asked(number: Any, run: Run) -> tuple[Array, Pass, Array, Array]:
+    A single run is never skipped.
+    """
+
+    def evaluate_run(number: Any, run: Run) -> tuple[Array, Pass, Array, Array]:
         return _run(residual, y, number, run, loss)
 
-    def asked_where_seen(number: Any, run: Run) -> tuple[Array, Pass, Array, Array]:
-        known = jax.jit(asked)
+    def evaluate_weighted_run(number: Any, run: Run) -> tuple[Array, Pass, Array, Array]:
+        known = jax.jit(evaluate_run)
         of = jax.eval_shape(known, number, run)
         none = lambda: jax.tree.map(lambda each: jnp.zeros(each.shape, each.dtype), of)
         return jax.lax.cond(jnp.any(run.weight > 0), lambda: known(number, run), none)
 
-    return asked if len(residual.runs) == 1 else asked_where_seen
+    return evaluate_run if len(residual.runs) == 1 else evaluate_weighted_run
 
 
 def _among_all(
     directions: Array, residual: Array, sums: Pass, pulls: Array, blocks: Array
 ) -> tuple[Array, Pass, Array, Array]:
-    """What is asked of a run, with its sums along all coordinates."""
+    """Return the results of one run, with sums along all coordinates."""
     few = len(Block._fields) - 1
     slopes = blocks[:, few:] @ directions.astype(blocks.dtype)
     along_all = Pass(sums.cost, sums.gradient @ directions, directions.T @ sums.normal @ directions)
@@ -151,14 +156,14 @@ def _among_all(
 
 
 def block_length(samples: int) -> int:
-    """Samples in a block of a record of so many places."""
+    """Return the block length for a padded record of `samples` samples."""
     return 1 if samples <= _SHORT else min(power(-(-samples // BLOCKS), _LEAST), CHUNK)
 
 
 def _run(residual: Residual, y: Array, number: Any, data: Run, loss: AbstractLoss) -> tuple[Array, Pass, Array, Array]:
-    """Residual of one run, its sums, the pulls at its turning points, and the sums over its blocks.
+    """Return residual, sums, forces at turning points, and blocks of one run.
 
-    Its sums are those along its own directions alone: of a joint fit of many runs most coordinates move other ones.
+    Sums are along the directions of this run only: in a joint fit most coordinates belong to other runs.
     """
     n = data.t.shape[0]
     pieces, length = -(-n // CHUNK), block_length(n)
@@ -182,16 +187,16 @@ def _run(residual: Residual, y: Array, number: Any, data: Run, loss: AbstractLos
 
         r, along = jax.linearize(read, moving)
         columns = jax.vmap(along, in_axes=-1, out_axes=-1)(tangents)
-        # Both are used many times below; without a barrier the motion is computed anew for each.
+        # Both are used many times below; without a barrier XLA computes the motion again for each use.
         r, columns = jax.lax.optimization_barrier((r, columns))
         sums_of_chunk = gather(r, columns, loss)
         _, share, curvature = loss.parts(r)
         counts, influence = (used > 0) * 1.0, share * r
-        beside, reading = counts * jnp.roll(counts, 1), seen + r / jnp.where(used > 0, used, 1.0)
+        adjacent, reading = counts * jnp.roll(counts, 1), seen + r / jnp.where(used > 0, used, 1.0)
         step = jnp.diff(reading, prepend=reading[:1])
         bend = jnp.diff(influence, n=2, prepend=influence[:1], append=influence[-1:])
-        inside = (jnp.arange(CHUNK) % (CHUNK - 1) > 0) * beside * jnp.roll(counts, -1)
-        rough, moved = inside * bend**2 / 6, beside * (used * step) ** 2
+        inside = (jnp.arange(CHUNK) % (CHUNK - 1) > 0) * adjacent * jnp.roll(counts, -1)
+        rough, moved = inside * bend**2 / 6, adjacent * (used * step) ** 2
         curved = counts * curvature
         columns_of_block = (influence, influence**2, rough, counts, curved, moved)
         each = jnp.column_stack([*columns_of_block, curved[:, None] * columns])
@@ -203,7 +208,7 @@ def _run(residual: Residual, y: Array, number: Any, data: Run, loss: AbstractLos
         )
 
     zero = jnp.zeros(len(directions))
-    # Behind the last sample of any weight there is only filling.
+    # Behind the last sample of non-zero weight there is only padding.
     last = jnp.max(jnp.where(weight > 0, jnp.arange(weight.size), -1))
     begin = (
         jnp.zeros(weight.shape),

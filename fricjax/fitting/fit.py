@@ -1,4 +1,4 @@
-"""The main job: from a record to the coefficients of an oscillator with friction."""
+"""Fit an oscillator with friction to a record."""
 
 from collections.abc import Mapping, Sequence
 
@@ -47,58 +47,58 @@ def fit(
 ) -> Fit:
     """Fit an oscillator with friction to a free decay.
 
-    Start values of mu, damping, drag and stiffness (or mass) come from the decay itself, so those of `oscillator` only
-    matter for what is not free and for the extras of the law.
+    Start values of mu, damping, drag and stiffness (or mass) follow from the decay. The values in `oscillator` only
+    matter for fixed coefficients and for the extra coefficients of the law.
 
     Args:
-        data: a run, or a list of runs for a joint fit of one machine to them. A run is a record, a path, a table, times
-            and displacements as a tuple ``(t, x)``: whatever `fricjax.read` takes without options. With `t` or `rate`
+        data: a run, or a list of runs for a joint fit of one machine. A run is a record, a path, a table, or times and
+            displacements as a tuple ``(t, x)``: any input that `fricjax.read` takes without options. With `t` or `rate`
             the rows of an array of shape (runs, samples) are runs.
         oscillator: the machine and its friction law.
-        free: names of the coefficients to fit: "mu", "damping", "stiffness", "sigma0" ...; where two leaves share a
-            name the dotted path, "friction.0.mu". The static coefficient of a Coulomb law is bracketed, not fitted.
-            Or Parameters of lmfit: those that vary are free, with their values as start and their bounds, the others
-            are set in the machine.
-        t: times of runs that are given as bare displacements, shape (samples,) in seconds, for all runs or one of each.
-        rate: samples per second of such runs, in place of times: ``fit(x, ..., rate=5000.0)``.
-        nuisance: names of each run's own parameters (x0, v0, offset, drift, t_release, z0); None for those that
-            belong to `start`. z0 is the internal state of a bristle law at a start from rest, in units of that after a
-            slow pull: 1 for a pull, 0 for a relaxed contact. An offset or a drift that is not among them is zero, the
-            others keep their start values. Offset and drift are those at the first fitted sample; release times are
-            those of the record.
+        free: names of the coefficients to fit: "mu", "damping", "stiffness", "sigma0" ...; if two leaves share a name,
+            the dotted path, "friction.0.mu". The static coefficient of a Coulomb law is bracketed, not fitted. Or lmfit
+            Parameters: those that vary are free, with their values as start values and their bounds; the others are set
+            in the machine.
+        t: times of runs that are given as displacements only, shape (samples,) [s], for all runs or one for each.
+        rate: samples per second of such runs, instead of times: ``fit(x, ..., rate=5000.0)``.
+        nuisance: names of the parameters of each run (x0, v0, offset, drift, t_release, z0); None for the default of
+            `start`. z0 is the internal state of a bristle law at a start from rest, relative to that after a slow pull:
+            1 for a pull, 0 for a relaxed contact. An offset or drift that is not in the list is zero; other parameters
+            keep their start values. Offset and drift are those at the first fitted sample; release times are those of
+            the record.
         engine: "auto", "exact", "hybrid", "smooth" or an engine.
-        start: "first_reversal" skips the transient of the release and fits time (`t_release`), position (`x0`) and
-            offset of the first turning point; for laws with internal states it fits x0, v0 and offset in the middle
-            of the half-cycle before it, where these states are known. "release" fits x0 and offset, at rest at the
-            logged release or at the first sample of a bare trace. A number of seconds from the first sample fits x0,
-            v0 and offset there.
-        bounds: lower and upper bound by name, None for none: {"damping": (0, None)}. Without one a contact is sought
-            no stiffer than all samples together can show; a fit that ends there has seen a rigid contact.
-        priors: mean and standard deviation by name, as a pair or a `Measured`. They weigh as another sample does, so
-            with a `sigma_mode` other than "absolute" their standard deviations are scaled with white noise.
+        start: "first_reversal" skips the transient of the release. It fits time (`t_release`), position (`x0`) and
+            offset of the first turning point; for laws with internal states it fits x0, v0 and offset in the middle of
+            the half-cycle before it, where these states are known. "release" fits x0 and offset, at rest at the logged
+            release or at the first sample of a bare trace. A number of seconds from the first sample fits x0, v0 and
+            offset there.
+        bounds: lower and upper bound by name, None for none: {"damping": (0, None)}. Without an upper bound a contact
+            stiffness is limited to the largest value that all samples together can resolve; a fit that ends there means
+            a rigid contact.
+        priors: mean and standard deviation by name, as a pair or a `Measured`. A prior weighs like one sample, so with
+            a `sigma_mode` other than "absolute" its standard deviation is scaled like white noise.
         tie: leaves that follow a free parameter: {"friction.1.mu": "friction.0.mu"} or {...: (name, factor)}.
-        sigma_mode: "absolute" takes the noise of the trace at its word (estimated from the record where it gives
-            none), unless the residuals are clearly larger; "scale" takes it as relative weights and scales the standard
-            errors by sqrt(chi^2 reduced); "estimate" ignores it and takes the noise from the scatter of the residuals.
-            Noise that is not white counts in each mode as the residuals show it.
-        rig: a `Rig` whose uncertain inputs, of the machine and of its instrument, enter the combined standard errors to
-            first order. Release times stay those that the record states, whatever its clock.
-        guess: start values by name, in place of those found in the record.
-        loss: "squares", or "huber", "soft_l1" or "cauchy", which count outliers for less, or a loss of
+        sigma_mode: "absolute" uses the noise level of the trace (estimated from the record if the trace has none),
+            unless the residuals are clearly larger. "scale" uses it as relative weights, and scales the standard errors
+            by sqrt(chi^2 reduced). "estimate" ignores it, and estimates the noise level from the residuals. Noise that
+            is not white is modelled from the residuals in each mode.
+        rig: a `Rig` with uncertain inputs of the machine and of its instrument. They enter the combined standard errors
+            to first order. Release times remain those of the record, whatever its clock.
+        guess: start values by name, instead of those from the record.
+        loss: "squares", or "huber", "soft_l1" or "cauchy", which reduce the weight of outliers, or a loss of
             :mod:`fricjax.estimation.loss`; in units of the noise. The covariance is then that of the weighted samples.
-        noise: noise model by which samples are weighed and standard errors counted: "auto" takes what the record shows;
-            "white", "jitter", "autoregressive", "coloured" or "floor" is taken instead, with its numbers from the
-            residuals. :func:`fricjax.uncertainty.noise_models` compares them.
-        throw: raise where no optimum was found or where it leaves parameters undetermined; otherwise the status says
-            so.
+        noise: noise model for weights and standard errors: "auto" selects it from the record; "white", "jitter",
+            "autoregressive", "coloured" or "floor" sets it, with parameters estimated from the residuals.
+            :func:`fricjax.uncertainty.noise_models` compares them.
+        throw: raise an error if no optimum was found or parameters are undetermined; otherwise the status reports it.
 
     Returns:
-        The fit. It has `converged` only where its model also describes the record and no parameter is at a bound;
-        where not, its status says why.
+        The fit. It has `converged` only if its model also describes the record and no parameter is at a bound;
+        otherwise its status gives the reason.
 
     Raises:
         RuntimeError: JAX computes in single precision.
-        UsageError: names or settings that do not fit, or parameters that no trace can tell apart.
+        UsageError: invalid names or settings, or parameters that no trace can separate.
         DataError: a record that cannot be fitted.
         FitError: a fit without an optimum or with undetermined parameters, unless `throw` is False.
 
@@ -125,7 +125,7 @@ def fit(
 
 
 def concluded(problem: Problem, solution: Solution, sigma_mode: str, throw: bool) -> Fit:
-    """The fit of a solved problem.
+    """Return the fit of a solved problem.
 
     Raises:
         UsageError: free parameters on which the motion does not depend.
@@ -140,12 +140,12 @@ def concluded(problem: Problem, solution: Solution, sigma_mode: str, throw: bool
 
 
 def records_of(data: object, t: ArrayLike | None, rate: float | None, sigma_mode: str) -> tuple[Record, ...]:
-    """The records to fit, also where there is but one.
+    """Return the records to fit, as a tuple.
 
-    With the noise to be estimated, stated noise is left out so that all samples weigh the same.
+    If the noise level is to be estimated, stated noise is dropped, so all samples have equal weights.
 
     Raises:
-        UsageError: no run, something of which no record can be made, or an unknown `sigma_mode`.
+        UsageError: no run, an invalid input, or an unknown `sigma_mode`.
         DataError: a run that cannot be read.
     """
     check_choice("sigma_mode", sigma_mode, SIGMA_MODES)
@@ -156,10 +156,10 @@ def records_of(data: object, t: ArrayLike | None, rate: float | None, sigma_mode
 
 
 def check_effect(problem: Problem, solution: Solution) -> None:
-    """Refuse free parameters on which the motion does not depend at all.
+    """Refuse free parameters that have no effect on the motion.
 
     Raises:
-        UsageError: names them.
+        UsageError: the message names them.
     """
     slopes = np.diag(np.asarray(solution.evaluation.normal))
     without_effect = [p.name for p, slope in zip(problem.parameters, slopes, strict=False) if slope == 0]

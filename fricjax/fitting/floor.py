@@ -1,16 +1,16 @@
-"""The floor that shakes: how a kick of acceleration goes on through the half-cycles of a decay, to its stop.
+"""Propagation of floor vibration through the half-cycles of a decay.
 
-Within a half-cycle a small deviation swings as the mass does. At a reversal friction turns round, and a mass that turns
-later has less time to be accelerated back: with the accelerations a and b before and behind the reversal the deviation
-of the velocity becomes b/a of itself, (X - f)/(X + f) for a dead band f at a distance X from the equilibrium. Where
-friction rises towards the reversal, deviations shrink and grow again with the accelerations before and behind, so that
-the dead band is that of sliding on either side. At the stop nothing is left of it, the deviation of the position stays,
-and no further kick moves the mass.
+Within a half-cycle a small deviation oscillates like the mass. At a reversal friction changes sign, and a mass that
+turns later has less time to accelerate back. With the accelerations a and b before and after the reversal, the
+deviation of the velocity is multiplied by b/a, which is (X - f)/(X + f) for a dead band f at a distance X from the
+equilibrium. If friction rises towards the reversal, deviations shrink and grow again with the accelerations on both
+sides, so f is the dead band of sliding. At the stop the deviation of the velocity vanishes, that of the position stays,
+and later kicks do not move the mass.
 
-Kicks have a colour for as long as that system is linear. The acceleration of a floor is not white: what Kalman's filter
-for white kicks leaves still remembers, and goes through the filter of an autoregression. Towards the end of a decay
-half-cycles become as short as what the kicks have added up to, reversals come early or late by much of a half-cycle,
-and no linear system says what follows.
+The acceleration of a floor is not white: the innovations of the Kalman filter for white kicks are still correlated, and
+an autoregressive filter whitens them. This works as long as the system is linear. Towards the end of a decay the
+half-cycles become as short as the accumulated deviation; reversals then shift by much of a half-cycle, and no linear
+system describes the motion.
 """
 
 import numpy as np
@@ -22,13 +22,13 @@ from .problem import Problem
 from .solve import Solution
 from .window import equilibrium
 
-# Rounds in which the kicks and the rows that show them come to agree. Of so few rows for each parameter the size of
-# kicks is known no better than to a fifth, and none of them are left out.
+# Iterations for the size of the kicks and the rows that determine it, and the fewest rows per parameter. With this few
+# rows the size is known to a fifth, and no row is dropped.
 _ROUNDS, _LEAST = 3, 32
 
 
 def passage_of(problem: Problem, at: Solution, run: int, t: np.ndarray) -> StateTransition | None:
-    """The passage of a deviation between times of a run; None where the record shows no half-cycles."""
+    """Return the state transitions between times of a run; None without half-cycles."""
     window, machine = problem.windows[run], at.derived.machine
     segmentation = window.segmentation
     if segmentation.turning_times.size < 2:
@@ -44,15 +44,15 @@ def passage_of(problem: Problem, at: Solution, run: int, t: np.ndarray) -> State
         reversals, ratios = np.append(reversals, segmentation.rest - window.origin), np.append(ratios, 0.0)
     edges = np.unique(np.concatenate([[begin], t, reversals]))
     half_cycle = np.searchsorted(reversals, edges[:-1], side="right")
-    # The duration of each half-cycle serves springs of any shape.
+    # The duration of each half-cycle is correct for nonlinear springs too.
     rates = np.pi / np.append(np.diff(np.concatenate([[begin], reversals])), segmentation.half_period)
     transitions, kicked = _steps(np.diff(edges), rates[half_cycle], float(machine.damping) / float(machine.mass))
     if segmentation.rest is not None:
         still = half_cycle == reversals.size
         transitions[still], kicked[still] = np.diag([1.0, 0.0]), 0.0
-    # A reversal that comes late by the phase d/X, of a deviation d from a swing X, leaves an error f (d/X)^2.
+    # A reversal delayed by the phase d/X, for a deviation d and an amplitude X, causes an error f (d/X)^2.
     swings = np.append(swing, band)[np.minimum(np.searchsorted(reversals, t), swing.size)]
-    # Without friction it leaves none, nor is there a swing that it would end.
+    # Without friction there is no such error, and no amplitude at which the motion would end.
     swings = np.maximum(swings, band)
     bend = np.divide(band, swings**2, out=np.zeros_like(swings), where=swings > 0)
     return _joined(t, edges, transitions, kicked, dict(zip(reversals, ratios, strict=True)))._replace(bend=bend)
@@ -61,7 +61,7 @@ def passage_of(problem: Problem, at: Solution, run: int, t: np.ndarray) -> State
 def _joined(
     t: np.ndarray, edges: np.ndarray, transitions: np.ndarray, kicked: np.ndarray, reversals: dict[float, float]
 ) -> StateTransition:
-    """The passage from row to row, of steps from edge to edge and of what reversals make of the velocity."""
+    """Combine the transitions between edges and at reversals into one per row."""
     joined = StateTransition(np.empty((t.size, 2, 2)), np.empty((t.size, 2, 2)), np.zeros(t.size))
     so_far, spread, row = np.eye(2), np.zeros((2, 2)), 0
     for edge, step, kicks in zip(edges[1:], transitions, kicked, strict=True):
@@ -76,10 +76,10 @@ def _joined(
 
 
 def _steps(steps: np.ndarray, rates: np.ndarray, damping: float) -> tuple[np.ndarray, np.ndarray]:
-    """Transition of position and velocity over each step, and what kicks add to their covariance.
+    """Return the transition matrix and the noise covariance of each step.
 
-    Both by one exponential (Van Loan, IEEE Trans. Autom. Control 23, 395, 1978), worked out once for steps that are
-    alike, which all are but those to and from a reversal.
+    Both follow from one matrix exponential (Van Loan, IEEE Trans. Autom. Control 23, 395, 1978). It is computed once
+    for equal steps; only steps to and from reversals differ.
     """
     from scipy.linalg import expm
 
@@ -96,31 +96,31 @@ def _steps(steps: np.ndarray, rates: np.ndarray, damping: float) -> tuple[np.nda
 
 
 def first_rows(series: Series, n: int) -> Series:
-    """The first rows of a series."""
+    """Return the first `n` rows of a series."""
     t, residual, slopes, unit, starts, rounding = series
     return Series(t[:n], residual[:n], slopes[:n], unit[:n], starts[starts < n], rounding[:n])
 
 
-def kicked(series: Series, transition: StateTransition) -> Colour:
-    """The colour of kicks of a linear system, beside independent noise, seen in the rows for which it is linear.
+def fit_floor_noise(series: Series, transition: StateTransition) -> Colour:
+    """Return the noise model of a floor: kicks and white reading noise.
 
-    How far these reach follows from the kicks.
+    It uses the rows for which the system is linear; their number follows from the kicks.
     """
-    colour = kicked_until(series, transition, series.t.size)
+    colour = fit_floor_noise_until(series, transition, series.t.size)
     for _ in range(_ROUNDS):
         last = colour.last
         if last is None or last <= _LEAST * series.slopes.shape[1]:
             break
-        colour = kicked_until(series, transition, last)
+        colour = fit_floor_noise_until(series, transition, last)
         if colour.last == last:
             break
     return colour
 
 
-def kicked_until(series: Series, transition: StateTransition, rows: int) -> Colour:
-    """The same, seen in so many of the first rows.
+def fit_floor_noise_until(series: Series, transition: StateTransition, rows: int) -> Colour:
+    """Return the same noise model from the first `rows` rows.
 
-    Kicks that are not white leave innovations that remember, and these are whitened by a process of their own.
+    If kicks are not white, their innovations are correlated. An autoregressive process whitens them.
     """
     part, passage = first_rows(series, rows), transition.first(rows)
     kicks, std, _, sizes, sides = kicks_of(part.residual, part.slopes, part.unit, passage)
@@ -131,7 +131,7 @@ def kicked_until(series: Series, transition: StateTransition, rows: int) -> Colo
     begin, moving = np.zeros(1, int), passage.moving
     shaken = whitened_columns(left[:, None], series, colour)[:moving]
     shape, _ = autoregression(shaken[:, 0], begin)
-    # One that is not stationary says nothing of its first rows, which the rest of the package counts on.
+    # A process that is not stationary has no distribution of its first rows, which other functions need.
     if shape.size and start_of(shape).size:
         size = float(np.std(innovations(shaken, begin, shape)))
         more = spread_of(shape, begin, moving) + 2 * moving * np.log(size)
@@ -140,7 +140,10 @@ def kicked_until(series: Series, transition: StateTransition, rows: int) -> Colo
 
 
 def _as_far_as_linear(series: Series, colour: Colour, transition: StateTransition, variances: np.ndarray) -> int | None:
-    """Number of rows in which the error of the linear system is below an innovation; None for all."""
+    """Return how many rows have a small linearisation error.
+
+    The error is small if it is below the standard deviation of an innovation. None means all rows.
+    """
     deviation = colour.kicks * colour.std**2 * transition.deviations()
     beyond = transition.bend * deviation * series.unit > colour.std * np.sqrt(variances) * colour.shape_std
     return int(np.argmax(beyond)) if beyond.any() else None

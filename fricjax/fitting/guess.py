@@ -1,9 +1,9 @@
-"""Start values from the decay itself: frequency from the half-periods, losses from the energy between turning points.
+"""Start values from the decay: frequency from half-periods, losses from energies.
 
-Each half-cycle loses ``U(a_n) - U(a_{n+1}) = F (a_n + a_{n+1}) + c int v^2 dt + drag int |v|^3 dt``. With the
-integrals of a sinusoid this is linear in the friction force, the damping and the drag, so that non-negative least
-squares over all half-cycles separates them by their dependence on the amplitude. For a pendulum, whose half-cycles are
-no sinusoids, the integrals and the periods are taken as they are (:mod:`.envelope`).
+Each half-cycle loses ``U(a_n) - U(a_{n+1}) = F (a_n + a_{n+1}) + c int v^2 dt + drag int |v|^3 dt``. With the integrals
+of a sinusoid this is linear in the friction force, the damping and the drag, so non-negative least squares over all
+half-cycles separates them by their dependence on the amplitude. The half-cycles of a pendulum are not sinusoidal, so
+its integrals and periods are computed exactly (:mod:`.envelope`).
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -17,15 +17,15 @@ from ..oscillator.restoring import Pendulum
 from .envelope import Envelope, envelope
 from .window import equilibrium, extremes, non_negative
 
-# Reversals from which a negative damping or drag follows from the envelope and not by the noise of its readings.
+# Fewest reversals for which a negative damping or drag is significant, despite the noise of the readings.
 _TELLING = 30
-# Friction that is left where none was found, in parts of the mean loss: its logarithm is what is fitted.
+# Smallest friction relative to the mean loss. It must be positive, because the fit uses its logarithm.
 _LEAST_SHARE = 1e-3
 _QUADRATURE = np.cos(np.pi * (np.arange(32) + 0.5) / 32)
 
 
 class _Decay(NamedTuple):
-    """Amplitudes of successive turning points, as pairs, and the angular frequency of each half-cycle."""
+    """Amplitudes before and after each half-cycle, and its angular frequency."""
 
     before: np.ndarray
     after: np.ndarray
@@ -43,17 +43,18 @@ def guess_machine(
     values: Mapping[str, float],
     lower: Mapping[str, float] | None = None,
 ) -> dict[str, float]:
-    """Start values for those of mass, stiffness, damping, drag, mu and normal_force that are free.
+    """Return start values of the free coefficients of a machine.
 
-    Of a law whose coefficients have other names, mu stands for the dynamic force over the load. Beside them
-    "returned" can be asked for, the energy that a contact gives back at each reversal [J].
+    They cover mass, stiffness, damping, drag, mu and normal_force. For a law with coefficients of other names, mu is
+    the dynamic force over the load. `free` may also contain "returned", the energy that a contact gives back at each
+    reversal [J].
 
     Args:
-        oscillator: the machine, for its restoring force and for what is not free.
+        oscillator: the machine, for its restoring force and its fixed coefficients.
         decays: segmentations of the records.
         free: kinds of the free parameters (last part of their names).
         values: value of each coefficient of the oscillator by kind.
-        lower: least values of damping and drag, where they have any.
+        lower: lower bounds of damping and drag, if any.
     """
     parts = [part for part in map(_decay, decays) if part.before.size]
     if not parts:
@@ -80,7 +81,7 @@ def _of_pendulum(
     at: Mapping[str, Any],
     lower: Mapping[str, float],
 ) -> dict[str, Any] | None:
-    """The coefficients of a pendulum, those that are free from the envelope of its decays; None where that is short."""
+    """Return the coefficients of a pendulum from its envelope, if possible."""
     friction = float(oscillator.friction.dynamic_force(oscillator.normal_force))
     values = {"friction": friction, "damping": at["damping"], "drag": at["drag"]}
     sought = {name: {name} & set(free) for name in values}
@@ -96,7 +97,7 @@ def _of_pendulum(
 
     estimate = seen(mass)
     if estimate is not None and "mass" in free and "stiffness" not in free:
-        # The inertia of a spring that is known follows from the frequency, and what is held needs the inertia.
+        # With a known spring the inertia follows from the frequency; fixed damping and drag are then divided by it.
         mass = at["stiffness"] / estimate.omega**2
         estimate = seen(mass)
     if estimate is None:
@@ -117,7 +118,10 @@ def _decay(segmentation: Segmentation) -> _Decay:
 
 
 def _short(segmentation: Segmentation) -> _Decay:
-    """With less than three reversals: the whole excursion as one half-cycle about the middle, a tenth of it lost."""
+    """Return one half-cycle for a record with fewer than three reversals.
+
+    It has the whole excursion about the middle as its amplitude, and loses a tenth of it.
+    """
     if segmentation.half_period <= 0:
         return _Decay(*np.zeros((3, 0)))
     amplitude = np.array([segmentation.amplitude])
@@ -125,7 +129,10 @@ def _short(segmentation: Segmentation) -> _Decay:
 
 
 def _stiffening(oscillator: Oscillator, amplitude: np.ndarray, at: Mapping[str, float]) -> np.ndarray:
-    """Effective over small-amplitude stiffness at an amplitude, by harmonic balance (a Chebyshev sum over a cycle)."""
+    """Return effective over small-amplitude stiffness, by harmonic balance.
+
+    The integral over a cycle is a Chebyshev sum.
+    """
     x = amplitude[:, None] * _QUADRATURE
     force = _at_positions(oscillator.restoring.force, x, at["stiffness"])
     effective = 2 * np.mean(force * _QUADRATURE, axis=1) / amplitude
@@ -133,9 +140,9 @@ def _stiffening(oscillator: Oscillator, amplitude: np.ndarray, at: Mapping[str, 
 
 
 def _at_positions(function: Callable[[Any, Any], Any], x: np.ndarray, stiffness: float) -> np.ndarray:
-    """A restoring force or potential at positions of any number.
+    """Evaluate a restoring force or potential at positions of any number.
 
-    They are padded, so that what JAX compiles for it, if anything, is compiled for one shape.
+    Padding limits the number of shapes that JAX compiles.
     """
     padded = np.zeros(2 ** max(11, (x.size - 1).bit_length()))
     padded[: x.size] = x.ravel()
@@ -159,7 +166,7 @@ def _losses(oscillator: Oscillator, decay: _Decay, free: Sequence[str], at: Mapp
     lost = lost - sum(known[name] * term for name, term in terms.items() if not sought[name])
     names = [name for name in terms if sought[name]]
     if a.size <= len(names):
-        # A line through every half-cycle tells nothing of a term this small.
+        # With as many terms as half-cycles, a term this small cannot be determined.
         names = [name for name in names if name != "returned"]
     if not names:
         return {}

@@ -1,4 +1,4 @@
-"""Sliders in a notebook: what each coefficient does to the motion, and where a fit might start."""
+"""Sliders in a notebook, which show how each coefficient changes the motion."""
 
 from typing import Any
 
@@ -13,26 +13,26 @@ from ..show.thumbnail import Curve, curves_svg
 from ..show.units import displacement_name
 from .names import of_run
 
-# Samples that are drawn, and computed anew at each move of a slider: a millisecond's work.
+# Samples that are drawn, and computed again at each move of a slider in about 1 ms.
 _SAMPLES = 800
-# A slider reaches from a part of the value to a multiple of it.
+# Largest ratio between the value of a slider and the fitted one.
 _REACH = 3.0
 # Steps of a slider from end to end.
 _STEPS = 600
 
 
 class Sliders:
-    """A slider for each free coefficient and for the begin of the motion, with the model over the record.
+    """Sliders for the free coefficients and the initial displacement.
 
-    `Fit.interactive` makes them; a notebook shows them.
+    The model is drawn over the record. `Fit.interactive` creates them; a notebook displays them.
 
     Attributes:
-        sliders: of ipywidgets, by name of the parameter.
+        sliders: ipywidgets sliders, by name of the parameter.
         guess: values of the sliders by name, to pass as `guess` to a fit.
-        model: reading that they stand for at the times `t` [s], NaN before the motion begins.
+        model: reading computed with these values at the times `t` [s]; NaN before the motion starts.
 
     Raises:
-        UsageError: ipywidgets is not installed; the sentence says how to.
+        UsageError: ipywidgets is not installed.
     """
 
     def __init__(self, fit: Any, run: int = 0) -> None:
@@ -55,7 +55,7 @@ class Sliders:
 
     @property
     def oscillator(self) -> Oscillator:
-        """The machine of the sliders."""
+        """The oscillator with the values of the sliders."""
         flat, structure = jax.tree.flatten(self._fit.oscillator)
         for leaf in leaves_of(self._fit.oscillator):
             flat[leaf.index] = self.guess.get(leaf.name, flat[leaf.index])
@@ -67,7 +67,7 @@ class Sliders:
         at |= {name.split("[")[0]: value for name, value in self.guess.items() if of_run(name)}
         begin = at["t_release"] if at.get("t_release") is not None else self._fit.origins[self._run]
         before = int(np.sum(self.t < begin))
-        # As many instants behind the record as there are before the motion, so that all moves share a compilation.
+        # Pad the times behind the record by those before the motion, so that all calls share one compilation.
         step = self.t[-1] - self.t[-2]
         times = np.append(self.t[before:], self.t[-1] + step * np.arange(1, before + 1)) - begin
         x = np.asarray(simulate(self.oscillator, at["x0"], times, v0=at["v0"]).x)[: self.t.size - before]
@@ -89,7 +89,7 @@ class Sliders:
 
 
 def _slider(widgets: Any, name: str, value: float, unit: str) -> Any:
-    """A slider about a value: by its logarithm where it is positive."""
+    """Return a slider about a value, logarithmic for positive values."""
     settings = {
         "description": f"{name} [{unit}]" if unit else name,
         "readout_format": ".5g",

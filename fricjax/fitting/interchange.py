@@ -1,7 +1,7 @@
-"""Fits for other packages, and what others bring to a fit: pandas, xarray, uncertainties and lmfit.
+"""Exchange fits with pandas, xarray, uncertainties and lmfit.
 
-None of them is imported before it is asked for. Values are SI, and keep their units where the other package has a place
-for them.
+These packages are imported only when needed. Values are in SI units; units are kept if the other package can store
+them.
 """
 
 import math
@@ -22,7 +22,7 @@ type Bounds = tuple[float | None, float | None]
 
 
 class Asked(NamedTuple):
-    """What Parameters of lmfit ask for: a machine, its free coefficients, start values and bounds."""
+    """Machine, free coefficients, start values and bounds from lmfit Parameters."""
 
     oscillator: Oscillator
     free: tuple[str, ...]
@@ -31,7 +31,7 @@ class Asked(NamedTuple):
 
 
 def plain_name(name: str) -> str:
-    """A name as packages want it that take names of Python only.
+    """Return a name that is a valid Python identifier.
 
     Examples:
         >>> from fricjax.fitting.interchange import plain_name
@@ -42,15 +42,16 @@ def plain_name(name: str) -> str:
 
 
 def is_lmfit(free: Any) -> bool:
-    """Whether free parameters are named by Parameters of lmfit."""
+    """Return True if `free` is an lmfit Parameters object."""
     return isinstance(free, Mapping) and hasattr(free, "valuesdict")
 
 
 def from_lmfit(parameters: Any, oscillator: Oscillator) -> Asked:
-    """What Parameters of lmfit ask for: those that vary are free, start at their value and keep their bounds.
+    """Translate lmfit Parameters into machine, free names, guess and bounds.
 
-    What does not vary is set in the machine. Parameters of a run (x0, offset, ...) are free by the start of the fit
-    and have start values and bounds alone.
+    Parameters that vary are free, with their values as start values and their bounds. Fixed ones are set in the
+    machine. Parameters of a run (x0, offset, ...) only set start values and bounds; `start` and `nuisance` of the fit
+    select them.
 
     Raises:
         UsageError: a name that the machine does not have, an expression, or a parameter of a run that is fixed.
@@ -68,7 +69,7 @@ def from_lmfit(parameters: Any, oscillator: Oscillator) -> Asked:
             raise UsageError(f"{name} belongs to the run and cannot be fixed: leave it out of nuisance= instead.")
         called = re.sub(r"_(\d+)$", r"[\1]", name) if leaf is None else leaf.name
         if leaf is not None and not parameter.vary:
-            # A number of Python would count as one that is differentiated, and a drag of zero as a drag.
+            # JAX would differentiate a Python number, and treat a drag of zero as a drag.
             flat[leaf.index] = np.asarray(float(parameter.value))
             continue
         free += [] if leaf is None else [called]
@@ -79,7 +80,10 @@ def from_lmfit(parameters: Any, oscillator: Oscillator) -> Asked:
 
 
 def to_lmfit(fit: Any) -> Any:
-    """A fit as Parameters of lmfit: values with standard errors, correlations and bounds, and the machine as fixed."""
+    """Convert a fit to lmfit Parameters.
+
+    They contain values, standard errors, correlations and bounds, and the other coefficients of the machine as fixed.
+    """
     lmfit = needed("A fit as Parameters", "lmfit", "interchange")
     parameters = lmfit.Parameters()
     known = {} if fit.problem is None else {each.name: each for each in fit.problem.parameters}
@@ -100,8 +104,11 @@ def to_lmfit(fit: Any) -> Any:
 
 
 def to_uncertainties(fit: Any) -> dict[str, Any]:
-    """The values of a fit as numbers of the package uncertainties, correlated by the combined covariance."""
-    package = needed("A number that knows its errors", "uncertainties", "interchange")
+    """Convert values to numbers of the package uncertainties.
+
+    They are correlated by the combined covariance.
+    """
+    package = needed("A number with correlated errors", "uncertainties", "interchange")
     determined = [i for i, name in enumerate(fit.names) if np.isfinite(fit.combined_std_errors[name])]
     values = [fit.values[fit.names[i]] for i in determined]
     numbers = package.correlated_values(values, fit.combined_covariance[np.ix_(determined, determined)])
@@ -110,7 +117,7 @@ def to_uncertainties(fit: Any) -> dict[str, Any]:
 
 
 def to_dataframe(fit: Any) -> Any:
-    """One row for each parameter and quantity of the kinematics."""
+    """Return one row for each parameter and kinematic quantity."""
     import pandas as pd
 
     columns = ["value", "std", "combined_std", "low", "high", "unit", "remarks"]
@@ -125,7 +132,10 @@ def to_dataframe(fit: Any) -> Any:
 
 
 def to_xarray(fit: Any) -> Any:
-    """Values, covariances and the samples of each run with model and residuals, as a data set of xarray."""
+    """Return values, covariances and samples as an xarray data set.
+
+    Each run has its samples, the model and the residuals.
+    """
     square, names = ("parameter", "parameter_2"), list(fit.names)
     by_name = {"value": fit.values, "std": fit.std_errors, "combined_std": fit.combined_std_errors}
     variables = {key: Variable("parameter", [of[name] for name in names]) for key, of in by_name.items()}
@@ -145,7 +155,7 @@ def to_xarray(fit: Any) -> Any:
 
 
 def batch_to_xarray(batch: Any) -> Any:
-    """Values, standard errors, covariances and kinematics of all runs, as a data set of xarray."""
+    """Return the results of all runs as an xarray data set."""
     names, derived = list(batch.names), list(batch.kinematics)
     both, square = ("run", "parameter"), ("run", "parameter", "parameter_2")
     rows = lambda of, of_names: np.stack([of[name] for name in of_names], axis=1)
@@ -167,10 +177,14 @@ def batch_to_xarray(batch: Any) -> Any:
 
 
 def asked_of(free: Any, oscillator: Oscillator, settings: Mapping[str, Any]) -> tuple[Oscillator, Any, dict[str, Any]]:
-    """Machine, names and settings of a fit, those in Parameters of lmfit taken out; what is said beside them counts."""
+    """Return machine, free names and settings, after conversion from lmfit Parameters.
+
+    Explicit settings take precedence over those in the Parameters.
+    """
     if isinstance(free, Oscillator) or not isinstance(free, Iterable):
         raise UsageError(
-            f"free= takes the names of what is fitted, as ['mu', 'damping', 'stiffness'], got {brief(free)}."
+            "free= takes the names of the parameters to fit, such as ['mu', 'damping', 'stiffness'], "
+            f"got {brief(free)}."
         )
     if not is_lmfit(free):
         return oscillator, free, dict(settings)

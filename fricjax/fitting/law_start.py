@@ -1,9 +1,9 @@
-"""Start values of a law's own coefficients: its friction force from the decay, its contact from the last reversal.
+"""Start values of a law from the decay and the last reversal.
 
-What the forces of a law say, not the names that it gives to its coefficients, tells which of them does what. A contact
-that yields is a spring while it is bent little: ``dF/dt = K v``, with a damping beside it. Coefficients that change
-this stiffness K, or this damping, but not the force of steady sliding, belong to the contact; those that change the
-dynamic force carry the friction.
+The decay gives the friction force; the last reversal gives the contact. Derivatives of the forces, not the names of the
+coefficients, determine the role of each coefficient. A contact that yields acts as a spring for small deflections:
+``dF/dt = K v``, with parallel damping. Coefficients that change this stiffness K or this damping, but not the steady
+sliding force, belong to the contact. Those that change the dynamic force carry the friction.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,14 +25,14 @@ _SAME = 1e-9
 
 
 class Force(NamedTuple):
-    """A force law in numbers, each with its derivative by every coefficient, shape (coefficients,).
+    """Forces of a law; for derivatives each has shape (coefficients,).
 
     Attributes:
         dynamic: dynamic force [N].
-        constant: what is left of the force of steady sliding at the speed of the run without what is proportional to
-            the speed [N]; the decay tells it apart from damping.
-        sliding: force of steady sliding at the speed of the run [N].
-        stiffness: contact stiffness [N/m]; NaN for a law whose states are no deflection.
+        constant: steady sliding force at the speed of the run minus its part proportional to speed [N]; the decay
+            separates it from damping.
+        sliding: steady sliding force at the speed of the run [N].
+        stiffness: contact stiffness [N/m]; NaN for a law without elastic states.
         damping: contact damping at rest [N s/m].
     """
 
@@ -44,21 +44,21 @@ class Force(NamedTuple):
 
 
 def terms_of(oscillator: Oscillator, leaves: Sequence[Leaf], free: Sequence[Leaf]) -> tuple[str, ...]:
-    """What else the decay must tell for the start values of a law, as kinds for :func:`guess_machine`."""
+    """Return the kinds that :func:`guess_machine` must estimate for this law."""
     if not _is_needed(oscillator, leaves, free):
         return ()
     return ("mu", "returned") if oscillator.friction.n_states else ("mu",)
 
 
 def _is_needed(oscillator: Oscillator, leaves: Sequence[Leaf], free: Sequence[Leaf]) -> bool:
-    """Whether a free coefficient of the law is more than the one mu of a law without memory, or what follows it."""
+    """Return True if the law has free coefficients besides a single mu."""
     of_law, movable = _of_law(leaves, free)
     single = [leaf.kind for leaf in of_law].count("mu") == 1
     return bool(movable) and (oscillator.friction.n_states > 0 or not single)
 
 
 def _of_law(leaves: Sequence[Leaf], free: Sequence[Leaf]) -> tuple[list[Leaf], dict[int, Leaf]]:
-    """The coefficients of the law, and those of them that are free by their place among them."""
+    """Return the coefficients of the law, and the free ones by index."""
     of_law = [leaf for leaf in leaves if leaf.dotted.startswith(_FRICTION)]
     return of_law, {i: leaf for i, leaf in enumerate(of_law) if leaf in free}
 
@@ -70,14 +70,16 @@ def guess_law(
     windows: Sequence[Window],
     known: Mapping[str, float],
 ) -> dict[str, float]:
-    """Start values of the free coefficients of a law, by their names; those that no record tells are left out.
+    """Return start values of the free coefficients of a law, by name.
+
+    Coefficients that no record determines are omitted.
 
     Args:
         oscillator: the machine with the law as given.
         leaves: all coefficients of the oscillator.
-        free: those that are fitted.
+        free: the free coefficients.
         windows: the records.
-        known: the machine as the decay shows it, by kind, with the `terms_of` this law.
+        known: the machine estimated from the decay, by kind, with the `terms_of` this law.
     """
     if not (windows and _is_needed(oscillator, leaves, free)):
         return {}
@@ -92,9 +94,9 @@ def guess_law(
 def highest_of(
     oscillator: Oscillator, leaves: Sequence[Leaf], free: Sequence[Leaf], windows: Sequence[Window]
 ) -> dict[str, float]:
-    """Largest values of the free coefficients that make a contact stiff, by their names.
+    """Return upper bounds of the free contact stiffness coefficients, by name.
 
-    Beyond them the contact turns faster than all samples together can show.
+    Beyond them the contact turns faster than all samples together can resolve.
     """
     of_law, movable = _of_law(leaves, free)
     if not (movable and oscillator.friction.n_states):
@@ -109,14 +111,14 @@ def highest_of(
 
 
 def _list_of(leaf: Leaf, of_law: Sequence[Leaf]) -> int:
-    """Place of the first coefficient of the list that a coefficient belongs to; its own place where it is none."""
+    """Return the index of the first coefficient in the same list."""
     stem = leaf.dotted.rsplit("_", 1)[0]
     alike = [other.dotted.rsplit("_", 1)[0] == stem and other.coefficient is leaf.coefficient for other in of_law]
     return alike.index(True)
 
 
 class _Start:
-    """Values of all coefficients of a law while they are brought to what the records show."""
+    """Values of a law's coefficients during their adjustment to the records."""
 
     def __init__(self, oscillator: Oscillator, of_law: Sequence[Leaf], windows: Sequence[Window]) -> None:
         self.oscillator, self.of_law, self.windows = oscillator, of_law, windows
@@ -136,7 +138,7 @@ class _Start:
             self.changed.add(i)
 
     def meet_friction(self, movable: Mapping[int, Leaf], force: float) -> None:
-        """Scale the coefficients, and lists of them, that carry the dynamic force, and a static one along with them."""
+        """Scale the coefficients that carry the dynamic force, and mu_s with them."""
         now, slopes = self.forces()
         lists = [_list_of(leaf, self.of_law) for leaf in self.of_law]
         carrying = {lists[i] for i in movable if slopes.dynamic[i] != 0}
@@ -147,7 +149,7 @@ class _Start:
             self.change({i: self.values[i] * force / now.constant for i in static})
 
     def meet_contact(self, movable: Mapping[int, Leaf], known: Mapping[str, float]) -> None:
-        """Scale the coefficients that make the contact stiff, and set the one that damps it."""
+        """Scale the contact stiffness coefficients, and set the damping one."""
         now, slopes = self.forces()
         stiff, damping = contact_members(slopes, [leaf.coefficient for leaf in self.of_law], movable)
         if not (any(stiff) or damping >= 0):
@@ -162,7 +164,7 @@ class _Start:
 
 
 def force_of(law: AbstractFriction, load: float, speed: float) -> tuple[Force, Force]:
-    """The forces of a law, and their derivatives by its leaves."""
+    """Return the forces of a law and their derivatives by its leaves."""
     values, slopes = _force_of(jax.tree.map(np.asarray, law), np.float64(load), np.float64(speed))
     return Force(*map(float, values)), Force(*map(np.asarray, slopes))
 
@@ -185,14 +187,14 @@ def _forces(law: AbstractFriction, load: Any, speed: Any) -> Force:
     straight, still = jnp.zeros(law.n_states), jnp.zeros(())
 
     def gained(v: Any) -> Any:
-        """Force gained per way from a straight contact."""
+        """Return the force gained per displacement of a relaxed contact."""
         rate = law.rate(jnp.asarray(v), straight, load) / v
         return jax.jvp(lambda state: law.force(still, state, load), (straight,), (rate,))[1]
 
     forwards, backwards = gained(1.0), gained(-1.0)
     sliding, slope = jax.jvp(lambda v: law.sliding_force(v, load), (jnp.asarray(speed),), (jnp.ones(()),))
     damping = jax.jvp(lambda v: law.force(v, straight, load), (still,), (jnp.ones(()),))[1]
-    # A spring is as stiff in one direction as in the other; the memory of a rate-and-state law is none.
+    # A spring is equally stiff in both directions; the state of a rate-and-state law is no spring.
     spring = jnp.abs(forwards - backwards) <= _SAME * jnp.abs(forwards)
     return Force(
         jnp.asarray(law.dynamic_force(load)),
@@ -211,16 +213,17 @@ def scaled(
     movable: Sequence[bool],
     lists: Sequence[int] | None = None,
 ) -> dict[int, float]:
-    """Values of the movable coefficients, changed by one factor (or its inverse) so that a quantity meets its aim.
+    """Scale the movable coefficients so that a quantity reaches its target.
+
+    All change by one factor, or by its inverse if the quantity decreases with the coefficient.
 
     Args:
         values: values of all coefficients.
-        slopes: derivatives of the quantity by each of them.
+        slopes: derivatives of the quantity with respect to each of them.
         now: the quantity with these values.
-        aim: what it should be.
-        movable: which coefficients may change.
-        lists: for each of them the number of the list that it belongs to, whose members change together; None where
-            each stands for itself.
+        aim: its target.
+        movable: True for coefficients that may change.
+        lists: for each coefficient the number of its list; members of a list change together. None for no lists.
     """
     if not (now > 0 and aim > 0):
         return {}
@@ -235,7 +238,10 @@ def scaled(
 
 
 def contact_members(slopes: Force, known: Sequence[Coefficient], free: Mapping[int, Any]) -> tuple[list[bool], int]:
-    """Free coefficients that scale the stiffness of the contact, and the one that alone adds damping to it or -1."""
+    """Return flags of the free stiffness coefficients, and the damping coefficient's index.
+
+    The index is that of the only coefficient that adds damping but no stiffness, or -1.
+    """
     apart = (slopes.sliding == 0) & (slopes.dynamic == 0)
     stiff = [i in free and bool(apart[i]) and known[i].fitted_as != "value" for i in range(len(known))]
     damping = [i for i in free if apart[i] and slopes.damping[i] != 0 and slopes.stiffness[i] == 0]

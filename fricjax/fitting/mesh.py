@@ -1,9 +1,9 @@
-"""The steps of the smooth engine during a fit: found once for each run by an adaptive solve, then kept.
+"""Meshes of the smooth engine: step lists that stay fixed during fits.
 
-The mesh lives in the phase of the half-cycles, and behind the last of them in scaled time, so it moves with the motion
-while the fit runs. In time neighbouring steps are made to differ little in length, so that the mesh still fits when
-the parameters have moved; there is room for one of a few numbers of steps, so that few shapes are compiled, which
-costs no steps.
+An adaptive solve determines the mesh of each run once. A mesh lives in the phase of the half-cycles, and behind the
+last of them in scaled time, so it moves with the motion during the fit. In time the lengths of adjacent steps differ
+little, so the mesh still fits after the parameters have changed. Meshes are padded to one of a few sizes, so that few
+shapes are compiled; padding costs no steps.
 """
 
 from typing import Any
@@ -19,23 +19,23 @@ from .residual import Residual, Run, start_of, without_inputs
 CAPACITY = 1 << 17
 _REACH = 1.05
 _GROWTH = 4.0
-# Of a bristle law a rough mesh has 1100 steps over five half-cycles and 2900 over fifty, and that of the check twice as
-# many; of elements that yield it has 3000 to 9000, and that of the check four times as many; of those that follow a
-# mean deflection (Leuven's) 14,000 and 51,000. What is not used of 8192 places costs nothing, of 65536 as much as the
-# steps.
+# For a bristle law a coarse mesh has 1100 steps for 5 half-cycles and 2900 for 50; the mesh of the check has twice as
+# many. For elements that yield it has 3000 to 9000, and four times as many for the check; for the Leuven law 14,000 and
+# 51,000. Padding to 8192 costs nothing; padding to 65536 costs as much as the steps.
 _SIZES = tuple(2**power for power in (13, 15, 17, 19))
-# How many more steps there may be at the optimum than at the start values.
+# Allowed ratio of the steps at the optimum to those at the start values.
 _MORE = 1.1
 
 
 def with_mesh(residual: Residual, y: Any, slack: float = 1.0) -> Residual:
-    """The residual with a mesh for each run, made for coordinates `y`; unchanged for engines that need none.
+    """Return the residual with a mesh for each run, made at `y`.
 
-    `slack` is the factor by which the error may be larger than the engine's. Where it is, there is room for the steps
-    of its check, which are counted, and there always is for those of a mesh that is replaced: a fit compiles once.
+    Engines without a mesh leave it unchanged. `slack` is the factor by which the error may exceed the engine's. If it
+    is above 1, padding leaves room for the mesh of the accuracy check. There is always room for a mesh that is
+    replaced, so a fit compiles once.
 
     Raises:
-        UsageError: more steps than a list of them can hold.
+        UsageError: more steps than the largest mesh holds.
     """
     if not residual.engine.needs_mesh:
         return residual
@@ -45,7 +45,7 @@ def with_mesh(residual: Residual, y: Any, slack: float = 1.0) -> Residual:
     lists = [(_finite(phases), _graded(_finite(times))) for phases, times in meshes]
     longest = max(phases.size + times.size - 1 for phases, times in lists)
     replaced: list[Any] = [run.engine for run in residual.runs if run.engine is not None]
-    # A mesh that is replaced has the least room already.
+    # A mesh that is replaced already has the least size.
     rooms = [longest, *([each.mesh.ends.size for each in replaced] or [_least_size(residual.oscillator.friction)])]
     if slack > 1:
         finest = _meshes(engine.checking(), bare, y)
@@ -56,10 +56,10 @@ def with_mesh(residual: Residual, y: Any, slack: float = 1.0) -> Residual:
 
 
 def likely(residual: Residual, y: Any) -> Residual | None:
-    """The residual with meshes of the size that is likely and nothing in them, before the first mesh can be made.
+    """Return the residual with empty meshes of the likely size.
 
-    What is compiled for it meanwhile is what a first fit waits for longest. None where a mesh is at hand without
-    compiling; an engine that needs no mesh is likely as it is.
+    Programs for it can be compiled before the first mesh is known; this takes most of the time of a first fit. Return
+    None if the mesh program is already compiled. An engine without meshes is returned unchanged.
     """
     engine: Any = residual.engine
     if not engine.needs_mesh:
@@ -72,10 +72,11 @@ def likely(residual: Residual, y: Any) -> Residual | None:
 
 
 def _least_size(law: AbstractFriction) -> int:
-    """Room that the meshes of a law mostly need, and all get, so that its fits compile one size.
+    """Return the least mesh size of a law.
 
-    One smooth state needs the first size; several states, switches, or steps that are finer than usual, the second.
-    Where a law switches by more than its moving states, as Leuven's does on its return to steady sliding, the third.
+    Fits of a law then compile one size. One smooth state needs the first size. Several states, switches, or a refined
+    step need the second. A law with more switches than moving states, such as Leuven on its return to steady sliding,
+    needs the third.
     """
     moving = law.n_states - law.n_modes
     switches = jax.eval_shape(law.switches, *(jax.ShapeDtypeStruct(n, float) for n in ((), (law.n_states,), ()))).size
@@ -83,9 +84,9 @@ def _least_size(law: AbstractFriction) -> int:
 
 
 def _bare(residual: Residual) -> Residual:
-    """Of the samples only the last instant matters, so that records of any length share the compilation.
+    """Return the residual with only the last instant of each run.
 
-    An input of a rig moves the motion by so little that no step need be another one.
+    Records of any length then share the compilation. Inputs of a rig are dropped, since they hardly move the motion.
     """
     runs = residual.runs
     none = {name: [getattr(run, name)[:0] for run in runs] for name in ("x", "weight")}
@@ -107,7 +108,9 @@ _meshes = Program(_meshed, lambda _, residual, __: [(0, 0) for _ in residual.run
 
 
 def _finite(ends: Any) -> np.ndarray:
-    """The steps of a list; one that is not finite from its first step on gets one, over which it is not finite either.
+    """Return the finite steps, or a single step if none exist.
+
+    The motion is not finite over that step.
 
     Raises:
         UsageError: the list is full.
@@ -120,12 +123,12 @@ def _finite(ends: Any) -> np.ndarray:
             f"The motion needs more than {CAPACITY} steps of the smooth engine. Check the law's coefficients, or crop "
             "the record to its moving part."
         )
-    # A step of no length has no rates.
+    # Rates are undefined on a step of zero length.
     return np.unique(known[np.isfinite(known)])
 
 
 def _graded(mesh: np.ndarray) -> np.ndarray:
-    """Cut every step that is more than four times as long as its neighbour, until none is."""
+    """Halve steps until adjacent ones differ by at most a factor four."""
     while True:
         h = np.diff(mesh)
         shorter = np.minimum(np.r_[h[1:], np.inf], np.r_[np.inf, h[:-1]])

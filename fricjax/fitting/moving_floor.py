@@ -1,9 +1,9 @@
-"""Fitting a run on a floor that moves, where its acceleration was recorded.
+"""Fit a run on a moving floor with recorded acceleration.
 
-The floor drives the mass like a force ``-m a_floor``, and what it does at one instant is carried through all later
-samples, so it is no noise that a fit could weigh down. But it is known: the fitted machine is moved once with the floor
-and once without, the difference is taken from the record, and the rest is fitted as if the floor had been still. As the
-difference hardly depends on the coefficients, two or three rounds settle it.
+The floor drives the mass like a force ``-m a_floor``. Its effect persists in all later samples, so it is no noise that
+a fit could average out. But it is known: the fitted machine is simulated with and without the floor motion, and the
+difference is subtracted from the record. The rest is fitted as for a floor at rest. The difference hardly depends on
+the coefficients, so two or three iterations suffice.
 """
 
 from collections.abc import Sequence
@@ -31,17 +31,17 @@ def fit_on_moving_floor(
     free: Sequence[str],
     **settings: Unpack[Settings],
 ) -> Fit:
-    """Fit one run whose floor acceleration was recorded with it.
+    """Fit one run with a recorded acceleration of the floor.
 
     Args:
-        data: the run, relative to the floor, as an interferometer on that floor sees it; whatever `fricjax.read` takes.
+        data: the run, relative to the floor, as an interferometer on that floor reads it; any input of `fricjax.read`.
         base_acceleration: acceleration of the floor at the samples of the record [m/s^2], shape (samples,).
         oscillator: the machine.
         free: names of the coefficients to fit.
-        **settings: as for :func:`fricjax.fit`.
+        **settings: settings of :func:`fricjax.fit`.
 
     Returns:
-        The fit of the run without what the floor did; its residuals are those of that run.
+        The fit of the run after subtraction of the floor's effect; its residuals are those of that run.
 
     Raises:
         UsageError: an acceleration of another shape; as in :func:`fricjax.fit`.
@@ -89,7 +89,7 @@ def _checked(base_acceleration: ArrayLike, trace: Trace) -> np.ndarray:
 
 
 def _response(result: Fit, t: np.ndarray, floor: np.ndarray) -> np.ndarray:
-    """Displacement that the floor adds, zero before the fitted motion starts [m]."""
+    """Return the displacement caused by the floor after the start [m]."""
     start = result.run_parameter("t_release")
     later = t > start
     ts, x0, v0 = t[later] - start, result.run_parameter("x0"), result.run_parameter("v0")

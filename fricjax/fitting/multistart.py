@@ -1,12 +1,12 @@
-"""One fit from many start values: whether its optimum is the only one, and the best of those that there are.
+"""Fit from many start values, and keep the best fit.
 
-Least squares finds the optimum of the valley in which it starts. The ringing of a contact, for one, makes a valley
-for every cycle by which its frequency may be off. So the fit starts from points spread about the automatic start, and
-the sums of squares at which it ends, in ascending order, make the waterfall: a long flat step at its foot says that
-most starts found the same optimum.
+Least squares finds the optimum of the valley in which it starts. For example, the ringing of a contact causes one
+valley for every cycle by which its frequency may be off. So the fit starts from points around the automatic start. The
+sums of squares at which the starts end, in ascending order, form a waterfall plot: a long flat step at its foot means
+that most starts found the same optimum.
 
-The starts take their way one after the other, in one compiled computation for all of them: each needs another number
-of steps, for which the others would wait if they went side by side.
+The starts are solved one after the other by one compiled program. In a vectorised program all would wait for the one
+with the most steps.
 """
 
 import dataclasses
@@ -20,6 +20,7 @@ from ..errors import UsageError
 from ..estimation.space import Parameter
 from ..oscillator import Oscillator, one_blas_thread, ready
 from ..show import Report, Reported, Style, figure, plain, styled
+from ..show.tables import dataframe
 from ..show.thumbnail import Curve, curves_svg
 from ..show.working import working
 from .fit import concluded, records_of
@@ -29,22 +30,22 @@ from .rest import solve_with_rest
 from .result import Fit
 from .solve import solve_condensed, start_coordinates
 
-# How far the logarithm of a start value is spread, as a part of that of `spread`: the decay tells these far better.
+# Spread of a logarithmic start value, as a part of that of `spread`: the decay determines these much better.
 _SPREAD = {"mass": 2e-3, "stiffness": 2e-3, "mu": 0.05, "normal_force": 0.05, "mu_s": 0.1, "damping": 0.2, "drag": 0.2}
-# Largest difference of chi^2, in units of its reduced value, between fits that have met in one optimum.
+# Largest difference of chi^2, in units of its reduced value, between fits at the same optimum.
 _SAME = 4.0
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Multistart(Reported):
-    """Fits of one record from many starts, in ascending order of their chi^2.
+    """Fits of one record from many starts, in order of chi^2.
 
     Attributes:
-        best: the fit from the best start, with all that belongs to a fit.
-        excess: chi^2 of each start over that of the best one, shape (starts,); inf where the model failed.
+        best: the fit from the best start, complete with uncertainties.
+        excess: chi^2 of each start minus that of the best one, shape (starts,); inf if the model failed.
         starts: start values of each coefficient by name, shape (starts,), in the same order.
         ends: values at which each start ended, likewise.
-        automatic: place of the automatic start in this order.
+        automatic: index of the automatic start in this order.
         at_bounds: names of the parameters that ended at a bound, for each start.
 
     Examples:
@@ -65,16 +66,16 @@ class Multistart(Reported):
 
     @property
     def reached(self) -> np.ndarray:
-        """Which starts ended in the best optimum, shape (starts,)."""
+        """True for starts that ended in the best optimum, shape (starts,)."""
         return self.excess <= _SAME * max(self.best.chi2_reduced, 1.0)
 
     @property
     def share(self) -> float:
-        """Part of the starts that ended in the best optimum."""
+        """Fraction of the starts that ended in the best optimum."""
         return float(np.mean(self.reached))
 
     def report(self) -> Report:
-        """The report of the best fit, and what the starts say of it."""
+        """Report the best fit, and how many starts reached it."""
         report, total, reached = self.best.report(), self.excess.size, int(self.reached.sum())
         where = "the automatic start is one of them"
         if not self.reached[self.automatic]:
@@ -94,15 +95,12 @@ class Multistart(Reported):
 
         A coefficient has its start value in `<name>_start` and its fitted value in `<name>`.
         """
-        import pandas as pd
-
         columns: dict[str, Any] = {"excess": self.excess, "reached": self.reached}
         for name, ends in self.ends.items():
             columns |= {f"{name}_start": self.starts[name], name: ends}
         columns["at_bounds"] = [", ".join(names) for names in self.at_bounds]
-        table = pd.DataFrame(columns).rename_axis("start")
-        table.attrs["units"] = {f"{name}{end}": self.best.units[name] for name in self.ends for end in ("_start", "")}
-        return table
+        units = {f"{name}{end}": self.best.units[name] for name in self.ends for end in ("_start", "")}
+        return dataframe(columns, units).rename_axis("start")
 
     def thumbnails(self) -> Sequence[str]:
         reduced = (self.best.chi2 + self.excess) / self.best.dof
@@ -113,7 +111,9 @@ class Multistart(Reported):
         ]
 
     def plot(self, *, style: Style = "screen") -> Any:
-        """The waterfall: reduced chi^2 of all starts in ascending order, the automatic one marked.
+        """Plot the waterfall: reduced chi^2 of all starts in ascending order.
+
+        The automatic start has a square marker.
 
         Args:
             style: as of :func:`fricjax.show.styled`.
@@ -158,14 +158,15 @@ def multistart(
         data: a run, or a list of runs for a joint fit, as for :func:`fit`.
         oscillator: the machine and its friction law.
         free: names of the coefficients to fit.
-        starts: number of starts; the first is the automatic one, the others are a Latin hypercube about it.
-        spread: factor by which coefficients of the law may start off, in both directions; those that the decay tells
-            (mu, damping, stiffness) are spread less. One with two finite bounds starts anywhere between these.
-        seed: of the Latin hypercube.
-        settings: of :func:`fit`, by their names.
+        starts: number of starts; the first is the automatic one, the others are a Latin hypercube around it.
+        spread: factor by which coefficients of the law are spread in both directions. Those that the decay determines
+            (mu, damping, stiffness) are spread less. A coefficient with two finite bounds is spread over their whole
+            range.
+        seed: seed of the Latin hypercube.
+        settings: settings of :func:`fit`, by name.
 
     Returns:
-        The best fit with the waterfall.
+        The best fit and the waterfall of all starts.
 
     Raises:
         RuntimeError: JAX computes in single precision.
@@ -206,7 +207,10 @@ def multistart(
 
 
 class _Ended(NamedTuple):
-    """Where a start ended: coordinates and values, shape (p,), and the sum of losses, inf where the model failed."""
+    """Coordinates and values, shape (p,), and loss where a start ended.
+
+    The loss is inf if the model failed.
+    """
 
     y: np.ndarray
     values: np.ndarray
@@ -217,14 +221,14 @@ def _ended(problem: Problem, begin: np.ndarray) -> _Ended:
     try:
         at = solve_condensed(problem, begin)
     except UsageError:
-        # The motion from there needs more steps than a mesh can hold.
+        # The motion from there needs more steps than a mesh holds.
         return _Ended(begin, np.full(begin.size, np.nan), np.inf)
     cost = 2 * float(at.evaluation.cost)
     return _Ended(np.asarray(at.y), np.asarray(at.derived.values), cost if np.isfinite(cost) else np.inf)
 
 
 def _points(problem: Problem, starts: int, spread: float, seed: int) -> list[dict[str, float]]:
-    """Start values of the shared parameters, a Latin hypercube about those of the problem."""
+    """Return start values of the shared parameters, from a Latin hypercube."""
     from scipy.stats import qmc
 
     shared = problem.parameters[: len(problem.residual.space.leaves)]
@@ -235,7 +239,7 @@ def _points(problem: Problem, starts: int, spread: float, seed: int) -> list[dic
 
 
 def _start(parameter: Parameter, u: float, spread: float) -> float:
-    """A start value from a random number between 0 and 1."""
+    """Return a start value for a random number between 0 and 1."""
     if np.isfinite(parameter.lower) and np.isfinite(parameter.upper):
         return parameter.lower + u * (parameter.upper - parameter.lower)
     factor = spread ** (_SPREAD.get(parameter.kind, 1.0) * (2 * u - 1))

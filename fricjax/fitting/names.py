@@ -1,4 +1,4 @@
-"""Names of coefficients: which leaf of an oscillator is meant, and which of them a trace can tell apart."""
+"""Names of coefficients, and which sets of them a trace can determine."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
@@ -11,8 +11,8 @@ if TYPE_CHECKING:
 NUISANCES = {"x0": "m", "v0": "m/s", "offset": "m", "drift": "m/s", "t_release": "s", "z0": ""}
 
 _SAME_FORCE = (
-    ("mass", "stiffness", "a trace tells only their ratio, the natural frequency"),
-    ("mu", "normal_force", "a trace tells only their product, the friction force"),
+    ("mass", "stiffness", "the motion depends only on their ratio, the natural frequency"),
+    ("mu", "normal_force", "the motion depends only on their product, the friction force"),
     ("drag", "quadratic_drag", "both are the same force, quadratic in the velocity"),
     ("damping", "eta_h", "at one frequency both take the same share of the energy in each half-cycle"),
     ("damping", "sigma2", "both are the same force, linear in the velocity"),
@@ -20,12 +20,12 @@ _SAME_FORCE = (
 
 
 def of_run(name: str) -> bool:
-    """Whether a parameter belongs to a run and not to the machine, be it "x0" or "x0[2]"."""
+    """Return True for a parameter of a run, such as "x0[2]"."""
     return name.split("[")[0] in NUISANCES
 
 
 class Named(Protocol):
-    """What has a short and a whole name, as a leaf of an oscillator has."""
+    """Object with a short and a dotted name, such as a leaf."""
 
     @property
     def name(self) -> str: ...
@@ -35,10 +35,10 @@ class Named(Protocol):
 
 
 def find_leaf[L: Named](name: str, leaves: Sequence[L]) -> L:
-    """The leaf of that name, short or dotted.
+    """Return the leaf with this short or dotted name.
 
     Raises:
-        UsageError: no such leaf, or one whose short name is ambiguous.
+        UsageError: no such leaf, or an ambiguous short name.
     """
     for leaf in leaves:
         if name in (leaf.name, leaf.dotted):
@@ -48,12 +48,15 @@ def find_leaf[L: Named](name: str, leaves: Sequence[L]) -> L:
         raise UsageError(f"{name!r} is ambiguous here: say which one, {' or '.join(twins)}.")
     known = [leaf.name for leaf in leaves]
     if name == "mu_s" and "mu" in known:
-        raise UsageError("This law has no mu_s of its own: it is tied to mu. Give the law one, such as mu_s=0.1.")
+        raise UsageError("This law has no separate mu_s: it is tied to mu. Set one, such as mu_s=0.1.")
     raise UsageError(f"This oscillator has no coefficient {name!r}.{nearest(name, known)} It has {', '.join(known)}.")
 
 
 def sole_coulomb(law: "AbstractFriction") -> "Coulomb | None":
-    """The Coulomb law that alone holds the mass at rest, if it does: its static coefficient can be bracketed."""
+    """Return the Coulomb law that holds the mass at rest, if unique.
+
+    Its static coefficient can be bracketed.
+    """
     from ..friction import Coulomb
     from ..friction.base import laws_of
 
@@ -62,15 +65,17 @@ def sole_coulomb(law: "AbstractFriction") -> "Coulomb | None":
 
 
 def chosen[L: Named](free: Sequence[str], leaves: Sequence[L], bracketable: bool) -> tuple[list[L], str | None]:
-    """The free leaves without the static coefficient of a Coulomb law, which has no gradient; and its name, if free.
+    """Return the leaves to fit, and the bracketed static coefficient's name.
+
+    The static coefficient of a Coulomb law has no gradient, so it is not fitted.
 
     Args:
         free: names of the free coefficients.
         leaves: all coefficients.
-        bracketable: whether the static coefficient is bracketed instead of fitted.
+        bracketable: True if the static coefficient is bracketed, not fitted.
 
     Raises:
-        UsageError: nothing free, an unknown name, one given twice, or some that no trace can tell apart.
+        UsageError: no free name, an unknown or repeated name, or coefficients that no trace can separate.
     """
     if not free:
         raise UsageError(f"Nothing is free. Name at least one of {', '.join(leaf.name for leaf in leaves)}.")
@@ -86,7 +91,9 @@ def chosen[L: Named](free: Sequence[str], leaves: Sequence[L], bracketable: bool
 
 
 def tied[L: Named](tie: Mapping[str, Any], leaves: Sequence[L], names: Sequence[str]) -> list[tuple[L, str, float]]:
-    """Leaves that follow a free parameter, with its name and a factor, from {leaf: name} or {leaf: (name, factor)}.
+    """Return tied leaves, each with its free parameter and a factor.
+
+    The input is {leaf: name} or {leaf: (name, factor)}.
 
     Raises:
         UsageError: an unknown leaf or parameter, or a leaf that is free itself.
@@ -103,7 +110,7 @@ def tied[L: Named](tie: Mapping[str, Any], leaves: Sequence[L], names: Sequence[
 
 
 def check_identifiable(free: Iterable[str], leaves: Sequence[Named]) -> None:
-    """Refuse sets of free parameters of which no trace can tell one from the other.
+    """Refuse sets of free parameters that no trace can separate.
 
     Raises:
         UsageError: names the pair and says why.
@@ -112,7 +119,7 @@ def check_identifiable(free: Iterable[str], leaves: Sequence[Named]) -> None:
     present = {leaf.name.rsplit(".", 1)[-1] for leaf in leaves}
     if "quadratic_drag" in present and "drag" in kinds:
         raise UsageError(
-            "drag cannot be free beside a law with quadratic drag: both are the same force. Leave one of them out."
+            "drag cannot be free together with a quadratic-drag law: both are the same force. Leave one of them out."
         )
     for first, second, reason in _SAME_FORCE:
         if first in kinds and second in kinds:

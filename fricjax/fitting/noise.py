@@ -1,8 +1,9 @@
-"""What the noise of a run is, in the terms of its user.
+"""Description of a run's noise, and a whiteness test of residuals.
 
-Standard errors assume white residuals, and a wrong model, vibration or drift break that. The integrated autocorrelation
-time tau says how many samples in a row carry the same information: standard errors of slowly varying parameters are too
-small by about sqrt(tau), and by the square root of the reduced chi^2 beside it where the noise was given (Sokal, 1996).
+Standard errors assume white residuals; a wrong model, vibration or drift violate that. The integrated autocorrelation
+time tau is the number of consecutive samples that carry the information of one. Standard errors of slowly varying
+parameters are too small by about sqrt(tau), and also by the square root of the reduced chi^2 if the noise was given
+(Sokal, 1996).
 """
 
 from collections.abc import Iterator
@@ -18,7 +19,10 @@ _BLOCK = 1 << 17
 
 
 class Line(NamedTuple):
-    """A hum: its frequency [Hz], and the sizes of its cosine and sine in the unit of the record, in the run's time."""
+    """A hum: frequency [Hz], cosine and sine amplitudes.
+
+    Amplitudes are in the unit of the record; times are those of the run.
+    """
 
     frequency: float
     cosine: float
@@ -29,17 +33,16 @@ class Noise(NamedTuple):
     """The noise of a run as its residuals show it.
 
     Attributes:
-        excess: standard deviation of the samples, beside hum and drift, in units of that stated.
-        memory: time in which it forgets by a factor of e [s], 0 for white noise, inf for a random walk.
-        rounding: steps to which the reading is rounded where that shows, in the unit of the record, else 0.
-        jitter: standard deviation of the instants of the samples [s], 0 where none shows.
-        drift: speed at which the reading drifts, in the unit of the record per second, 0 where none shows.
-        middle: instant of the run at which the drift counts as zero [s].
+        excess: standard deviation of the samples without hum and drift, over the stated one.
+        memory: correlation time [s] (decay by a factor e); 0 for white noise, inf for a random walk.
+        rounding: step of rounding if it shows, in the unit of the record, else 0.
+        jitter: standard deviation of the sampling times [s]; 0 if not significant.
+        drift: drift rate of the reading, in the unit of the record per second; 0 if not significant.
+        middle: time of the run at which the drift is zero [s].
         lines: the lines of a hum.
-        expected: standard deviation that the noise of the rest would have all over the run, in units of that stated;
-            0 where the rest is too short to tell.
-        floor: spectral density of an acceleration of the floor that shakes the mass, in squared units of the record
-            over s^4 Hz, 0 where none shows.
+        expected: standard deviation of the noise at rest, extrapolated to the whole run, over the stated one; 0 if the
+            rest is too short.
+        floor: spectral density of floor acceleration, in squared units of the record over s^4 Hz; 0 if not significant.
     """
 
     excess: float = 1.0
@@ -53,7 +56,7 @@ class Noise(NamedTuple):
     floor: float = 0.0
 
     def at(self, t: np.ndarray) -> np.ndarray:
-        """Drift and hum at times of the run [s], in the unit of the record."""
+        """Return drift and hum at times of the run [s]."""
         waves = sum(
             line.cosine * np.cos(2 * np.pi * line.frequency * t) + line.sine * np.sin(2 * np.pi * line.frequency * t)
             for line in self.lines
@@ -62,35 +65,35 @@ class Noise(NamedTuple):
 
     @property
     def white(self) -> bool:
-        """Whether it is white, of whatever size."""
+        """True if it is white, of any level."""
         return not any(self.words(""))
 
     def words(self, unit: str) -> Iterator[str]:
-        """What makes it other than white noise of the size stated."""
+        """Yield descriptions of deviations from white noise of the stated level."""
         if np.isinf(self.memory):
-            yield "walks at random"
+            yield "is a random walk"
         elif self.memory:
-            yield f"remembers for {engineering(self.memory, 's')}"
+            yield f"has a correlation time of {engineering(self.memory, 's')}"
         if self.rounding:
             yield f"is rounded to steps of {engineering(self.rounding, unit)}"
         if self.drift:
             yield f"drifts by {engineering(abs(self.drift), f'{unit}/s')}"
         for line in self.lines:
             size = engineering(float(np.hypot(line.cosine, line.sine)), unit)
-            yield f"hums at {engineering(line.frequency, 'Hz')} by {size}"
+            yield f"has a hum at {engineering(line.frequency, 'Hz')} of {size}"
         if self.floor:
-            yield f"is a motion of the mass, shaken by {self.floor:.2g} ({unit}/s^2)^2/Hz"
+            yield f"is floor vibration of {self.floor:.2g} ({unit}/s^2)^2/Hz"
         if self.jitter:
-            yield f"grows with velocity, from a clock that jitters by {engineering(self.jitter, 's')}"
+            yield f"grows with velocity (timing jitter of {engineering(self.jitter, 's')})"
 
 
 class Whiteness(NamedTuple):
-    """Verdict on the residuals.
+    """Whiteness test of residuals.
 
     Attributes:
-        lag_one: autocorrelation of neighbouring samples.
-        correlation_time: integrated autocorrelation time in samples, one for white residuals.
-        white: whether neighbouring samples are uncorrelated within `thresholds.SURE` standard errors.
+        lag_one: autocorrelation of adjacent samples.
+        correlation_time: integrated autocorrelation time in samples; one for white residuals.
+        white: True if adjacent samples are uncorrelated within `thresholds.SURE` standard errors.
     """
 
     lag_one: float
@@ -99,7 +102,7 @@ class Whiteness(NamedTuple):
 
 
 def whiteness(residuals: np.ndarray) -> Whiteness:
-    """Judge a sequence of residuals, in the order of time and in units of their standard deviation."""
+    """Test residuals for whiteness, given in time order and standard deviations."""
     n = residuals.size
     centred = residuals - residuals.mean() if np.all(np.isfinite(residuals)) else np.zeros(n)
     power = float(centred @ centred)
@@ -114,13 +117,14 @@ def whiteness(residuals: np.ndarray) -> Whiteness:
 
 
 def _autocorrelation(centred: np.ndarray) -> np.ndarray:
-    """Sums of products of samples some lag apart, for lags up to half the record or half a block of a long one.
+    """Return sums of products of samples at each lag.
 
-    A long record is cut into blocks, so that the cost stays linear; products across their borders are left out.
+    Lags extend to half the record, or half a block of a long one. A long record is cut into blocks, so that the cost
+    stays linear; products across block boundaries are omitted.
     """
     length = min(centred.size, _BLOCK)
     blocks = np.pad(centred, (0, -centred.size % length)).reshape(-1, length)
-    # So long that the lags do not wrap around.
+    # Long enough that the lags do not wrap around.
     size = fast_length(length + length // 2)
     spectrum = sum(np.abs(np.fft.rfft(block, size)) ** 2 for block in blocks)
     return np.fft.irfft(spectrum, size)[: length // 2]

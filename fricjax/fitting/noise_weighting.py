@@ -1,18 +1,17 @@
-"""The fit counted by the noise that its record has.
+"""Generalised least squares: the fit weighted by the noise of its record.
 
-The squares of all samples are right for white noise of one size. What a fit leaves tells whether that is so: in rows of
-some forty to a half-cycle, short against the motion, so that nothing is lost, and few enough to be quick. Where the
-clock jitters the samples are weighed by it and fitted anew (:mod:`.clock`). Where the noise remembers, hums, drifts, or
-is a motion of the mass on a floor that shakes, the rows are weighed by that (:mod:`.colours`) and the fit goes on from
-their least squares, by steps of Gauss and Newton with another look at the record after each, until nothing changes.
+Least squares assumes white noise of constant variance. We test the residuals, averaged into about 40 rows per
+half-cycle: short against the motion, so that no information is lost, and few, so that the test is fast. If the clock
+jitters, the samples are weighted accordingly and fitted again (:mod:`.clock`). If the noise is correlated, or contains
+a hum, a drift or floor vibration, the rows are weighted by a noise model (:mod:`.colours`). The fit then continues with
+Gauss-Newton steps, and the noise model is updated after each step until it converges.
 
-What no noise explains is left as it is: where the model does not describe the record, the errors of white noise grow by
-the size of the residuals and the time over which they stay the same.
+If the model does not describe the record, the fit of least squares is kept. Its errors then grow with the size of the
+residuals and with their correlation time.
 
-A record may leave its number of half-cycles open. Each number has an optimum of its own, which describes the record by
-odds of ``exp(-chi^2/2)`` to those of the others, none being more likely beforehand. Given as one value with a standard
-error, what is known is the moments of that mixture about the best of them (Gelman et al., Bayesian Data Analysis, 2013,
-7.6).
+A record may leave its number of half-cycles uncertain. Each number has a separate optimum with the likelihood
+``exp(-chi^2/2)``, and all numbers have equal prior probabilities. The reported covariance is the second moment of this
+mixture about the best optimum (Gelman et al., Bayesian Data Analysis, 2013, 7.6).
 """
 
 from collections.abc import Sequence
@@ -25,11 +24,18 @@ from ..estimation.colour import Colour, white, whitened
 from ..estimation.covariance import Quadratic
 from ..estimation.loss import Squares
 from ..estimation.small_sample import small_sample_covariance
-from .clock import by_clock
+from .clock import fit_timing_jitter
 from .colours import colours_of, expected_size, least_squares, misfit_of, under_noise, variance_left, weighed_rows
 from .diagnostics import worst
 from .evaluation import Block
-from .missing import Lacking, allowed_for, explaining, main_forces, responses_in, seen_beside_noise
+from .missing import (
+    Discrepancy,
+    discrepancy_covariance,
+    force_responses_of,
+    main_discrepancy,
+    main_forces,
+    significant_force,
+)
 from .noise import Line, Noise, whiteness
 from .problem import Problem
 from .responses import Responses
@@ -38,27 +44,33 @@ from .runs import IN_PHASE
 from .solve import Solution, checking, evaluate_at, half_cycles
 from .window import Window
 
-# Rounds of the fit under coloured noise, those that look at the noise anew, and the step in standard errors that may be
-# left. Most fits arrive in three; one that has not in five goes back and forth between two descriptions of the noise.
+# Largest number of iterations, those that update the noise model, and the largest last step in standard errors. Most
+# fits need three; one that has not converged after five alternates between two noise models.
 _ROUNDS, _LOOKS, _NEAR = 8, 5, 0.05
 
 
-class Other(NamedTuple):
-    """Another number of half-cycles of each run, and how probable it is."""
+class AlternativeCount(NamedTuple):
+    """Another number of half-cycles of each run, and its probability."""
 
     half_cycles: tuple[int, ...]
     probability: float
 
 
-class Doubt(NamedTuple):
-    """What the other numbers of half-cycles add to the covariance of the coordinates, shape (p, p)."""
+class CountPosterior(NamedTuple):
+    """Posterior of the half-cycle counts, and their covariance, shape (p, p).
 
-    others: tuple[Other, ...]
+    The covariance is to be added to that of the coordinates.
+    """
+
+    others: tuple[AlternativeCount, ...]
     covariance: np.ndarray
 
 
 class End(NamedTuple):
-    """The optimum of a number of half-cycles: its sum of squares of unit variance, and its coordinates, shape (p,)."""
+    """Optimum for given half-cycle counts.
+
+    Its misfit is the sum of squares in units of the noise variance; its coordinates have shape (p,).
+    """
 
     half_cycles: tuple[int, ...]
     misfit: float
@@ -66,20 +78,20 @@ class End(NamedTuple):
 
 
 class NoiseWeighted(NamedTuple):
-    """A solved fit counted by the noise of its record.
+    """A solved fit, weighted by the noise of its record.
 
     Attributes:
-        problem: the problem, with samples weighed by the jitter of their clock where it shows.
-        solution: the fit where it ended; its quadratic form and its normal matrix count by the noise.
-        variance: by which the inverse of that form is a covariance.
-        scatter: the same for white noise of the size stated, or that of the residuals where none is taken at its word;
-            `white`: standard errors of the coordinates under it.
+        problem: the problem, with samples weighted by timing jitter if it is significant.
+        solution: the final fit; its quadratic model and normal matrix include the noise weights.
+        variance: factor from the inverse of the quadratic model to the covariance.
+        scatter: the same for white noise of the stated level, or of the level of the residuals if stated levels are
+            relative; `white`: standard errors of the coordinates with it.
         noises: the noise of each run.
-        unsure: what is to be added to that covariance of the coordinates for what the record leaves open of its noise,
-            of its number of half-cycles, and of what its model lacks; `others`: the other numbers.
-        went_on: whether the fit went on from its least squares.
-        gain: what the colour adds to minus twice the logarithm of the likelihood; `numbers`: how many numbers it has.
-        lacks: what the model lacks in each run, and what it may lack as well; nothing where it was not looked for.
+        unsure: covariance to add for the uncertain noise model, the uncertain number of half-cycles, and omitted
+            forces; `others`: the other numbers.
+        went_on: True if the fit continued beyond least squares.
+        gain: change of -2 log(likelihood) by the noise model; `numbers`: its number of parameters.
+        discrepancies: omitted forces of each run, detected or possible; empty if not tested.
     """
 
     problem: Problem
@@ -89,144 +101,157 @@ class NoiseWeighted(NamedTuple):
     white: np.ndarray
     noises: tuple[Noise, ...]
     unsure: np.ndarray
-    others: tuple[Other, ...] = ()
+    others: tuple[AlternativeCount, ...] = ()
     went_on: bool = False
     gain: float = 0.0
     numbers: int = 0
-    lacks: tuple[Lacking | None, ...] = ()
+    discrepancies: tuple[Discrepancy | None, ...] = ()
 
 
 def weigh_by_noise(problem: Problem, solution: Solution, absolute: bool) -> NoiseWeighted:
-    """The fit of least squares, carried on where the noise of a run is not white.
+    """Return the least-squares fit, continued if its noise is not white.
 
     Args:
         problem: the problem.
-        solution: its least squares.
-        absolute: whether the size of the noise is taken at its word, as long as the residuals do not contradict it.
+        solution: its least-squares solution.
+        absolute: if True, the stated noise level is used, unless the residuals contradict it.
     """
-    plain = _plain(problem, solution, absolute)
+    ols = _ols(problem, solution, absolute)
     if not solution.converged or (problem.made and problem.noise == "white"):
-        # Of a record made from the model with such noise there is nothing to find.
-        return plain
+        # A record made from the model with white noise needs no test.
+        return ols
     rows = rows_of(problem, solution.evaluation)
-    known = [responses_in(problem, solution, run, row) for run, row in enumerate(rows)]
-    lacks = [explaining(problem, solution, run, *each) for run, each in enumerate(zip(rows, known, strict=True))]
-    if any(lacks):
-        # Memory, or kicks of a floor, would explain in each half-cycle anew what one force does in all of them.
-        return _allowing(_undescribed(plain, rows) if problem.noise == "auto" else plain, lacks)
+    force_responses = [force_responses_of(problem, solution, run, row) for run, row in enumerate(rows)]
+    discrepancies = [
+        main_discrepancy(problem, solution, run, *each)
+        for run, each in enumerate(zip(rows, force_responses, strict=True))
+    ]
+    if any(discrepancies):
+        # A noise model would absorb in each half-cycle the effect of a force that is common to all.
+        return _inflate_for_forces(_inflate_for_misfit(ols, rows) if problem.noise == "auto" else ols, discrepancies)
     if problem.noise == "white":
-        return _beside(plain, solution, _white(rows), known)
-    # What the model lacks grows with velocity too.
-    small = _size_of(problem, rows, absolute) <= thresholds.DESCRIBED
-    clocked = by_clock(problem, solution, rows) if small and problem.noise in ("auto", "jitter") else None
-    if clocked is None:
-        return _by_colour(plain, rows, known, absolute)
-    rows = rows_of(clocked.problem, clocked.solution.evaluation)
-    counted = _by_colour(_plain(clocked.problem, clocked.solution, absolute), rows, known, absolute)
-    pairs = zip(counted.noises, clocked.jitters, strict=True)
-    return counted._replace(
-        white=plain.white,
+        return _add_discrepancy(ols, solution, _white(rows), force_responses)
+    # Residuals from an omitted force grow with velocity too, so a large misfit excludes jitter.
+    small = _largest_ratio(problem, rows, absolute) <= thresholds.DESCRIBED
+    jittered = fit_timing_jitter(problem, solution, rows) if small and problem.noise in ("auto", "jitter") else None
+    if jittered is None:
+        return _with_noise_models(ols, rows, force_responses, absolute)
+    rows = rows_of(jittered.problem, jittered.solution.evaluation)
+    gls = _with_noise_models(_ols(jittered.problem, jittered.solution, absolute), rows, force_responses, absolute)
+    pairs = zip(gls.noises, jittered.jitters, strict=True)
+    return gls._replace(
+        white=ols.white,
         noises=tuple(noise if jitter is None else noise._replace(jitter=jitter.time) for noise, jitter in pairs),
         went_on=True,
-        gain=counted.gain + clocked.gain,
-        numbers=counted.numbers + 2 * sum(jitter is not None for jitter in clocked.jitters),
+        gain=gls.gain + jittered.gain,
+        numbers=gls.numbers + 2 * sum(jitter is not None for jitter in jittered.jitters),
     )
 
 
-def _size_of(problem: Problem, rows: Sequence[Rows], absolute: bool) -> float:
-    """The size of all residuals over the noise of their run, the most of all runs."""
+def _largest_ratio(problem: Problem, rows: Sequence[Rows], absolute: bool) -> float:
+    """Return the largest residual-to-noise ratio over all runs."""
     sizes = [2 * [float(np.sqrt(row.level))] for row in rows]
     return worst(problem, sizes, [0.0] * len(rows), not absolute).ratio
 
 
-def _by_colour(
-    plain: NoiseWeighted, first: Sequence[Rows], known: Sequence[Responses], absolute: bool
+def _with_noise_models(
+    ols: NoiseWeighted, first: Sequence[Rows], force_responses: Sequence[Responses], absolute: bool
 ) -> NoiseWeighted:
-    """The fit carried on where the noise of a run is coloured.
+    """Return the fit continued with noise models.
 
     Args:
-        plain: its least squares.
+        ols: its least squares.
         first: their rows.
-        known: the responses to forces at the times of these rows.
+        force_responses: the responses to forces at the times of these rows.
         absolute: as in `weigh_by_noise`.
     """
-    problem, solution = plain.problem, plain.solution
+    problem, solution = ols.problem, ols.solution
     none = np.zeros(problem.residual.n_parameters)
-    at, rows, seen, in_doubt = solution, first, [], none
-    # A drift that is far larger than the noise makes steps so long that the motion curves within them, and what that
-    # leaves is for the next step. Of a misfit that no noise explains, more than a tenth is left.
-    on_the_way = max(_size_of(problem, first, absolute) / thresholds.DESCRIBED, thresholds.DESCRIBED)
+    at, rows, seen, ambiguity = solution, first, [], none
+    # A drift far above the noise causes steps so long that the motion is nonlinear within them; the next step corrects
+    # the rest. A misfit that no noise explains decreases by less than a factor ten.
+    on_the_way = max(_largest_ratio(problem, first, absolute) / thresholds.DESCRIBED, thresholds.DESCRIBED)
     for number in range(_ROUNDS):
         if number < _LOOKS:
             seen = colours_of(problem, at, rows, absolute)
         else:
             seen = [Seen(row, colour) for row, (_, colour) in zip(rows, seen, strict=True)]
         if not at.evaluation.residual.size and (seen or any(map(rounded, problem.windows))):
-            # Of a lane no residual is left of the samples.
-            at = _moved(problem, at, none)
+            # In a batch the per-sample residuals are not kept.
+            at = _reevaluate(problem, at, none)
             rows = rows_of(problem, at.evaluation)
             continue
         if not seen:
-            return _beside(plain, solution, _white(rows), known)
+            return _add_discrepancy(ols, solution, _white(rows), force_responses)
         least = least_squares(problem, at, weighed_rows(seen))
         ended = at._replace(shape=least[0])
         arrived = ended.shape.distance <= _NEAR
         if not misfit_of(problem, seen, absolute) <= (thresholds.DESCRIBED if arrived else on_the_way):
-            return _or_forces(_beside(_undescribed(plain, first), ended, seen, known), plain, first, known)
+            return _add_force_uncertainty(
+                _add_discrepancy(_inflate_for_misfit(ols, first), ended, seen, force_responses),
+                ols,
+                first,
+                force_responses,
+            )
         if arrived:
-            counted = _beside(_under_colour(plain, at, seen, least, in_doubt, absolute), ended, seen, known)
+            gls = _add_discrepancy(
+                _under_colour(ols, at, seen, least, ambiguity, absolute), ended, seen, force_responses
+            )
             guessed = problem.noise == "auto" and any(colour.transition for _, colour in seen)
-            return _or_forces(counted, plain, first, known) if guessed else counted
+            return _add_force_uncertainty(gls, ols, first, force_responses) if guessed else gls
         if number == _LOOKS - 1:
-            in_doubt = ended.shape.step
-        at = _moved(problem, at, ended.shape.step)
+            ambiguity = ended.shape.step
+        at = _reevaluate(problem, at, ended.shape.step)
         if not np.isfinite(at.evaluation.chi2):
             break
         rows = rows_of(problem, at.evaluation, seen)
-        # Where a step leads out of phase with the record, the next ones run off to stiffnesses beyond all numbers.
+        # After a step out of phase with the record, the next ones diverge to huge stiffnesses.
         if any(map(_out_of_phase, problem.windows, rows, first)):
             break
-    return _or_forces(_undescribed(plain, first), plain, first, known)
+    return _add_force_uncertainty(_inflate_for_misfit(ols, first), ols, first, force_responses)
 
 
 def _out_of_phase(window: Window, row: Rows, first: Rows) -> bool:
-    """Whether a motion is farther from its record than half the amplitude, and than least squares were (`first`)."""
-    # A robust loss leaves a row of outliers almost no unit of its own.
+    """Return True if a motion is out of phase with its record.
+
+    Its distance then exceeds half the amplitude, and that of the least-squares fit (`first`).
+    """
+    # With a robust loss a row of outliers has almost no weight.
     farthest, before = (np.max(np.abs(each.series.residual)) / np.max(each.series.unit) for each in (row, first))
     return bool(farthest > max(IN_PHASE * window.segmentation.amplitude, before))
 
 
 def _under_colour(
-    plain: NoiseWeighted,
+    ols: NoiseWeighted,
     at: Solution,
     seen: Sequence[Seen],
     least: tuple[Quadratic, np.ndarray, np.ndarray],
-    in_doubt: np.ndarray,
+    ambiguity: np.ndarray,
     absolute: bool,
 ) -> NoiseWeighted:
-    """The fit where it arrived under coloured noise.
+    """Return the converged fit under the noise models.
 
     Args:
-        plain: its least squares.
-        at: where it arrived.
-        seen: the noise.
-        least: quadratic form, gradient and normal matrix that count by it.
-        in_doubt: how far apart two descriptions of the noise lead that are as good as each other, shape (p,).
+        ols: its least squares.
+        at: the converged solution.
+        seen: the noise models.
+        least: quadratic model, gradient and normal matrix with them.
+        ambiguity: difference between the estimates under two equally likely noise models, shape (p,).
         absolute: as in `weigh_by_noise`.
     """
-    problem, (shape, gradient, normal) = plain.problem, least
+    problem, (shape, gradient, normal) = ols.problem, least
     likelihoods = [_likelihood(*run, absolute) for run in seen]
-    doubt = _doubt(problem, at, seen)
+    posterior = _count_posterior(problem, at, seen)
     few = small_sample_covariance([(row.series, colour) for row, colour in seen], shape.inverse)
-    return plain._replace(
+    return ols._replace(
         solution=at._replace(
             evaluation=at.evaluation._replace(gradient=gradient, normal=normal),
             shape=shape,
-            numerical_shift=max(plain.solution.numerical_shift, shape.distance),
+            numerical_shift=max(ols.solution.numerical_shift, shape.distance),
         ),
         variance=1.0,
-        unsure=few + doubt.covariance + np.outer(in_doubt, in_doubt),
-        others=doubt.others,
+        unsure=few + posterior.covariance + np.outer(ambiguity, ambiguity),
+        others=posterior.others,
         noises=tuple(_noise(window, *run) for window, run in zip(problem.windows, seen, strict=True)),
         went_on=True,
         gain=sum(gain for gain, _ in likelihoods),
@@ -235,43 +260,45 @@ def _under_colour(
 
 
 def _white(rows: Sequence[Rows]) -> list[Seen]:
-    """Rows with the noise that least squares take them to have."""
+    """Return rows with the white noise that least squares assumes."""
     return [Seen(row, white(row.series, 1.0)) for row in rows]
 
 
-def _beside(weighted: NoiseWeighted, at: Solution, seen: Sequence[Seen], known: Sequence[Responses]) -> NoiseWeighted:
-    """The fit with what its model lacks beside the noise that was seen."""
-    runs = enumerate(zip(seen, known, strict=True))
-    return _allowing(weighted, [seen_beside_noise(weighted.problem, at, run, *each) for run, each in runs])
-
-
-def _or_forces(
-    counted: NoiseWeighted, plain: NoiseWeighted, first: Sequence[Rows], known: Sequence[Responses]
+def _add_discrepancy(
+    weighted: NoiseWeighted, at: Solution, seen: Sequence[Seen], force_responses: Sequence[Responses]
 ) -> NoiseWeighted:
-    """The fit with errors that allow for forces that few half-cycles do not tell from what explains the motion now.
+    """Add forces that are significant in addition to the noise."""
+    runs = enumerate(zip(seen, force_responses, strict=True))
+    return _inflate_for_forces(weighted, [significant_force(weighted.problem, at, run, *each) for run, each in runs])
+
+
+def _add_force_uncertainty(
+    gls: NoiseWeighted, ols: NoiseWeighted, first: Sequence[Rows], force_responses: Sequence[Responses]
+) -> NoiseWeighted:
+    """Add forces that few half-cycles cannot separate from the current noise model.
 
     Args:
-        counted: the fit beside kicks of a floor, or beside what no noise explains.
-        plain: its least squares, of which the shifts are.
+        gls: the fit with floor vibration, or with unexplained residuals.
+        ols: its least squares, to which the shifts refer.
         first: their rows.
-        known: the responses to forces at the times of these rows.
+        force_responses: the responses to forces at the times of these rows.
     """
-    problem, p = counted.problem, counted.problem.residual.n_parameters
-    moved, lacks = plain.solution.y[:p] - counted.solution.y[:p], []
-    for run, (row, responses) in enumerate(zip(first, known, strict=True)):
-        forces = main_forces(problem, plain.solution, run, row, responses)
-        lacks += [force._replace(shift=force.shift + moved) for force, _ in forces]
-    return _allowing(counted, lacks)._replace(lacks=(*counted.lacks, *lacks))
+    problem, p = gls.problem, gls.problem.residual.n_parameters
+    moved, discrepancies = ols.solution.y[:p] - gls.solution.y[:p], []
+    for run, (row, responses) in enumerate(zip(first, force_responses, strict=True)):
+        forces = main_forces(problem, ols.solution, run, row, responses)
+        discrepancies += [force._replace(shift=force.shift + moved) for force, _ in forces]
+    return _inflate_for_forces(gls, discrepancies)._replace(discrepancies=(*gls.discrepancies, *discrepancies))
 
 
-def _allowing(weighted: NoiseWeighted, lacks: Sequence[Lacking | None]) -> NoiseWeighted:
-    """The fit with standard errors that allow for what its model lacks."""
-    unsure = weighted.unsure + allowed_for(lacks, weighted.problem.residual.n_parameters)
-    return weighted._replace(lacks=tuple(lacks), unsure=unsure)
+def _inflate_for_forces(weighted: NoiseWeighted, discrepancies: Sequence[Discrepancy | None]) -> NoiseWeighted:
+    """Enlarge the standard errors for omitted forces."""
+    unsure = weighted.unsure + discrepancy_covariance(discrepancies, weighted.problem.residual.n_parameters)
+    return weighted._replace(discrepancies=tuple(discrepancies), unsure=unsure)
 
 
-def _plain(problem: Problem, solution: Solution, absolute: bool) -> NoiseWeighted:
-    """The fit with its residuals taken for white noise; that as large as stated is not enlarged."""
+def _ols(problem: Problem, solution: Solution, absolute: bool) -> NoiseWeighted:
+    """Return the fit under white noise, at least of the stated level."""
     blocks = [Block.of(sums) for sums in solution.evaluation.blocks]
     reduced = solution.chi2 / problem.dof
     if not isinstance(problem.loss, Squares):
@@ -285,18 +312,21 @@ def _plain(problem: Problem, solution: Solution, absolute: bool) -> NoiseWeighte
         variance = reduced if absolute and reduced > 1 + thresholds.SURE * np.sqrt(2 / problem.dof) else scatter
     noises = tuple(Noise(excess=float(np.sqrt(variance))) for _ in blocks)
     ends = [
-        End(half_cycles(like), at.foreseen / variance, at.y[: at.shape.step.size] + at.shape.step)
+        End(half_cycles(like), at.predicted_chi2 / variance, at.y[: at.shape.step.size] + at.shape.step)
         for like, at in (((problem, solution), *solution.rivals) if solution.rivals else ())
     ]
-    doubt = doubt_of(ends, problem.residual.n_parameters)
-    white = np.sqrt(np.diag(scatter * solution.shape.inverse + doubt.covariance))
-    return NoiseWeighted(problem, solution, variance, scatter, white, noises, doubt.covariance, doubt.others)
+    posterior = doubt_of(ends, problem.residual.n_parameters)
+    white = np.sqrt(np.diag(scatter * solution.shape.inverse + posterior.covariance))
+    return NoiseWeighted(problem, solution, variance, scatter, white, noises, posterior.covariance, posterior.others)
 
 
-def _doubt(problem: Problem, at: Solution, seen: Sequence[Seen]) -> Doubt:
-    """The doubt in the number of half-cycles, counted by the noise that was seen with that one."""
+def _count_posterior(problem: Problem, at: Solution, seen: Sequence[Seen]) -> CountPosterior:
+    """Return the posterior of half-cycle counts under the noise models.
+
+    All counts use the noise models of the selected one.
+    """
     ends = []
-    # Alone, the one that was taken is in no doubt, whatever its misfit.
+    # Without alternatives the selected count is certain, whatever its misfit.
     for like, reached in ((problem, at), *at.rivals) if at.rivals else ():
         alternative = under_noise(like, reached, seen)
         step = alternative.shape.step
@@ -304,9 +334,12 @@ def _doubt(problem: Problem, at: Solution, seen: Sequence[Seen]) -> Doubt:
     return doubt_of(ends, problem.residual.n_parameters)
 
 
-def _undescribed(plain: NoiseWeighted, rows: Sequence[Rows]) -> NoiseWeighted:
-    """The fit of least squares, its errors enlarged for residuals that are no noise, as large as they are in motion."""
-    pairs = zip(plain.problem.windows, rows, strict=True)
+def _inflate_for_misfit(ols: NoiseWeighted, rows: Sequence[Rows]) -> NoiseWeighted:
+    """Enlarge the errors of least squares for unexplained residuals.
+
+    Their size and correlation time are those in motion.
+    """
+    pairs = zip(ols.problem.windows, rows, strict=True)
     moving = [row.series.residual[row.series.t <= window.stopped] for window, row in pairs]
     times = [whiteness(left).correlation_time for left in moving]
     sizes = [float(np.mean(left**2)) for left in moving]
@@ -315,19 +348,19 @@ def _undescribed(plain: NoiseWeighted, rows: Sequence[Rows]) -> NoiseWeighted:
         for row, time in zip(rows, times, strict=True)
     )
     variance = max(time * size for time, size in zip(times, sizes, strict=True))
-    return plain._replace(variance=max(variance, plain.variance), noises=noises)
+    return ols._replace(variance=max(variance, ols.variance), noises=noises)
 
 
-def _moved(problem: Problem, at: Solution, step: np.ndarray) -> Solution:
-    """A look at the record a step further."""
+def _reevaluate(problem: Problem, at: Solution, step: np.ndarray) -> Solution:
+    """Evaluate the fit after a step."""
     p, limits = step.size, problem.limits
     y = np.concatenate([np.clip(at.y[:p] + step, limits.lower, limits.upper), at.y[p:]])
-    looked = evaluate_at(problem, checking(problem.residual, y), y)
-    return at._replace(y=y, evaluation=looked.evaluation, derived=looked.derived, passes=at.passes + 1)
+    evaluated = evaluate_at(problem, checking(problem.residual, y), y)
+    return at._replace(y=y, evaluation=evaluated.evaluation, derived=evaluated.derived, passes=at.passes + 1)
 
 
 def _noise(window: Window, row: Rows, colour: Colour) -> Noise:
-    """A colour in the terms of the user."""
+    """Convert a noise model for the user."""
     t, order = row.series.t, colour.coefficients.size
     largest = float(np.max(np.abs(np.roots(np.concatenate([[1.0], -colour.coefficients]))), initial=0.0))
     walks = largest >= 1 or not colour.has_level
@@ -345,19 +378,22 @@ def _noise(window: Window, row: Rows, colour: Colour) -> Noise:
 
 
 def _likelihood(row: Rows, colour: Colour, absolute: bool) -> tuple[float, int]:
-    """What a colour adds to minus twice the logarithm of the likelihood of white noise, and how many numbers it has."""
+    """Return the change of -2 log(likelihood) by a noise model.
+
+    Also return its number of parameters.
+    """
     residual, unit = row.series.residual, 1.0 if absolute else row.level
-    counted = float(np.sum(whitened(row.series, colour)[0] ** 2)) + colour.log_determinant
-    return counted - float(residual @ residual) / unit - residual.size * np.log(unit), colour.n_parameters
+    squares = float(np.sum(whitened(row.series, colour)[0] ** 2)) + colour.log_determinant
+    return squares - float(residual @ residual) / unit - residual.size * np.log(unit), colour.n_parameters
 
 
-def doubt_of(ends: Sequence[End], parameters: int) -> Doubt:
-    """The doubt in the first of several numbers of half-cycles, which is that taken; none where there are no others."""
+def doubt_of(ends: Sequence[End], parameters: int) -> CountPosterior:
+    """Return the posterior of the counts; the first of `ends` is selected."""
     if not ends:
-        return Doubt((), np.zeros((parameters, parameters)))
+        return CountPosterior((), np.zeros((parameters, parameters)))
     misfits = np.array([end.misfit for end in ends])
     odds = np.exp(-(misfits - misfits.min()) / 2)
     probabilities = odds / odds.sum()
     moves = np.array([end.y - ends[0].y for end in ends])
-    others = [Other(end.half_cycles, float(p)) for end, p in zip(ends[1:], probabilities[1:], strict=True)]
-    return Doubt(tuple(others), (moves.T * probabilities) @ moves)
+    others = [AlternativeCount(end.half_cycles, float(p)) for end, p in zip(ends[1:], probabilities[1:], strict=True)]
+    return CountPosterior(tuple(others), (moves.T * probabilities) @ moves)

@@ -1,4 +1,4 @@
-"""The free parameters of a fit as the caller names them: start values, scales, bounds, ties and priors."""
+"""Free parameters of a fit: start values, scales, bounds, ties and priors."""
 
 import dataclasses
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -29,7 +29,10 @@ type Tied = str | tuple[str, float]
 
 
 class RunSettings(TypedDict, total=False):
-    """The settings of a fit that hold for one run or for each of many; :func:`fricjax.fit` describes them."""
+    """Settings of a fit to one run or to each of many.
+
+    :func:`fricjax.fit` describes them.
+    """
 
     t: ArrayLike | None
     rate: float | None
@@ -53,10 +56,10 @@ class Settings(RunSettings, total=False):
 
 
 def check_known(what: str, settings: Mapping[str, Any], known: Collection[str]) -> None:
-    """Refuse a setting that a function which passes settings on to a fit does not have.
+    """Refuse settings that a function does not pass on to a fit.
 
     Raises:
-        UsageError: offers the nearest one, and names all.
+        UsageError: names the nearest setting, and all others.
     """
     for name in settings:
         if name not in known:
@@ -65,7 +68,7 @@ def check_known(what: str, settings: Mapping[str, Any], known: Collection[str]) 
 
 @dataclasses.dataclass(frozen=True)
 class Request:
-    """What the caller of a fit asked for."""
+    """Arguments of a fit, after conversion."""
 
     oscillator: Oscillator
     free: tuple[str, ...]
@@ -82,7 +85,7 @@ class Request:
 
     @classmethod
     def of(cls, oscillator: Oscillator, free: str | Free, **settings: Unpack[Settings]) -> "Request":
-        """The request from the settings of a fit that say how; each that is left out is as in a fit.
+        """Build a request from keyword arguments, with the defaults of a fit.
 
         Raises:
             UsageError: no oscillator, no rig, or an unknown loss or noise.
@@ -117,12 +120,15 @@ class Request:
 
 
 def shared_leaves(request: Request, leaves: Sequence[Leaf]) -> tuple[list[Leaf], str | None]:
-    """The free leaves, without the static coefficient of a Coulomb law, which has no gradient."""
+    """Return the free leaves, without a bracketed static coefficient, and its name."""
     return chosen(request.free, leaves, sole_coulomb(request.oscillator.friction) is not None)
 
 
 class _Entry(NamedTuple):
-    """A free parameter on its way: its name, what is known of its kind, where it starts, and its typical size."""
+    """A free parameter before its bounds are known.
+
+    It has a name, the properties of its kind, a start value and a typical size.
+    """
 
     name: str
     known: Coefficient
@@ -133,7 +139,10 @@ class _Entry(NamedTuple):
 def free_parameters(
     request: Request, shared: Sequence[Leaf], leaves: Sequence[Leaf], windows: Sequence[Window]
 ) -> tuple[Parameter, ...]:
-    """The free parameters in order: shared coefficients first, then those of each run, each with start and bounds."""
+    """Return the free parameters with start values and bounds.
+
+    Shared coefficients come first, then those of each run.
+    """
     entries = [*_shared_entries(request, shared, leaves, windows), *_run_entries(windows)]
     names = [entry.name for entry in entries]
     check_names(request.bounds, names, "Bounds")
@@ -149,7 +158,7 @@ def free_parameters(
 def _shared_entries(
     request: Request, shared: Sequence[Leaf], leaves: Sequence[Leaf], windows: Sequence[Window]
 ) -> list[_Entry]:
-    """The shared coefficients, starting where the records show them, or as given where they do not."""
+    """Return shared coefficients with start values from records, if possible."""
     flat = [float(value) for value in jax.tree.leaves(request.oscillator)]
     values = {leaf.kind: flat[leaf.index] for leaf in reversed(leaves)}
     kinds = [leaf.kind for leaf in shared]
@@ -170,7 +179,7 @@ def _shared_entries(
 
 
 def _lower(bounds: Any, name: str) -> float:
-    """The lower one of a pair of bounds, minus infinity where there is none."""
+    """Return the lower one of a pair of bounds, else minus infinity."""
     low = (
         None if bounds is None else _pair(bounds, f"The bounds of {name} must be a lower and an upper value or None")[0]
     )
@@ -178,7 +187,7 @@ def _lower(bounds: Any, name: str) -> float:
 
 
 def _run_entries(windows: Sequence[Window]) -> Iterator[_Entry]:
-    """The parameters of each run."""
+    """Yield the parameters of each run."""
     for i, window in enumerate(windows):
         sizes = _run_scales(window)
         for name, called in zip(window.nuisances, run_names(window.nuisances, i, len(windows)), strict=True):
@@ -193,7 +202,7 @@ def _highest(
     windows: Sequence[Window],
     entries: Sequence[_Entry],
 ) -> dict[str, float]:
-    """The largest values that the records can tell, of the machine that the fit starts from."""
+    """Return the largest values that the records can resolve."""
     flat = jax.tree.leaves(request.oscillator)
     for leaf, entry in zip(shared, entries, strict=False):
         flat[leaf.index] = entry.start
@@ -202,10 +211,10 @@ def _highest(
 
 
 def _start_of(request: Request, entry: _Entry, windows: Sequence[Window]) -> float:
-    """The caller's start value where there is one, in the time of the run.
+    """Return the start value, from `guess` if given, in the run's time.
 
     Raises:
-        UsageError: one that is not finite, or not positive where the fit works in another quantity.
+        UsageError: it is not finite, or not positive if the fit uses its logarithm or another transform.
     """
     name, positive = entry.name, entry.known.fitted_as != "value"
     if name not in request.guess:
@@ -219,14 +228,14 @@ def _start_of(request: Request, entry: _Entry, windows: Sequence[Window]) -> flo
 
 
 def _origin(name: str, windows: Sequence[Window]) -> float:
-    """What separates the time of the record, in which callers speak of release times, from that of the run [s]."""
+    """Return the time offset from record to run for release times [s]."""
     if not name.startswith("t_release"):
         return 0.0
     return windows[int(name[len("t_release[") : -1] or 0)].origin
 
 
 def _scale(kind: str, start: float, values: Mapping[str, float]) -> float:
-    """Typical size of a shared parameter, for those that may be zero."""
+    """Return the typical size of a shared parameter, never zero."""
     critical = 2 * np.sqrt(values["stiffness"] * values["mass"])
     fallback = {"damping": 1e-3 * critical, "sigma1": 1e-3 * critical, "sigma2": 1e-3 * critical, "mu": 1e-3}
     return abs(start) if start != 0 else fallback.get(kind, 1.0)
@@ -241,7 +250,7 @@ def _run_scales(window: Window) -> dict[str, float]:
 
 def _bounded(entry: _Entry, rigid: float, bounds: Mapping[str, tuple], origin: float) -> Parameter:
     name, known, start, scale = entry
-    # In its logarithm or its inverse root a coefficient never reaches zero.
+    # A coefficient that is fitted by its logarithm or inverse root never reaches zero.
     default = (known.lower if known.fitted_as == "value" else None, min(known.upper, rigid))
     low, high = _pair(bounds.get(name, default), f"The bounds of {name} must be a lower and an upper value or None")
     check_bounds(name, low, high)
@@ -262,10 +271,12 @@ def _pair(value: Any, demand: str) -> tuple[Any, Any]:
 def parse_priors(
     priors: Mapping[str, Prior], names: Sequence[str], windows: Sequence[Window]
 ) -> tuple[list[float], list[float]]:
-    """Mean of each parameter's prior and one over its standard deviation, zero for none.
+    """Return mean and inverse standard deviation of each parameter's prior.
+
+    The latter is zero without a prior.
 
     Raises:
-        UsageError: a prior of what is not free, or without a positive standard deviation.
+        UsageError: a prior for a parameter that is not free, or without a positive standard deviation.
     """
     check_names(priors, names, "Priors")
     mean, weight = [0.0] * len(names), [0.0] * len(names)

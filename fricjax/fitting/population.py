@@ -1,16 +1,15 @@
-"""From the coefficients of single runs to that of the contact: their mean and their scatter from run to run.
+"""Mean of a coefficient over runs, and its scatter between runs.
 
-Each run has its own coefficient, ``mu_i ~ N(mu, s^2)``, and tells it with its own standard error. The scatter s is that
-of largest restricted likelihood, which unlike plain maximum likelihood does not lose the degree of freedom of the mean;
-its interval holds the scatters for which ``sum (mu_i - mu)^2/(s^2 + u_i^2)`` is a plausible chi^2 (Viechtbauer, Stat.
-Med. 26, 37, 2007). The mean's standard error takes the scatter as estimated (Knapp and Hartung, Stat. Med. 22, 2693,
-2003).
+Each run has its coefficient ``mu_i ~ N(mu, s^2)``, measured with a standard error u_i. The scatter s maximises the
+restricted likelihood, which accounts for the degree of freedom of the mean. Its interval contains the scatters for
+which ``sum (mu_i - mu)^2/(s^2 + u_i^2)`` is a plausible chi^2 (Viechtbauer, Stat. Med. 26, 37, 2007). The standard
+error of the mean accounts for the estimated scatter (Knapp and Hartung, Stat. Med. 22, 2693, 2003).
 
-All of this is for normal scatter, and a run read in the wrong unit would carry it off. So runs that cannot belong to
-the others are set aside first. The search goes forwards (Hadi, J. R. Stat. Soc. B 56, 393, 1994): it begins with the
-half of the runs nearest to the median, and takes in whichever of the others those at hand would predict, until none is
-left that they do. A run is an outlier where its distance from the mean of the others, in standard deviations of such a
-distance, is beyond Student's t at a level of one in a thousand for all runs together (Bonferroni).
+These methods assume normal scatter, and a run in the wrong unit would distort them. So outliers are excluded first, by
+a forward search (Hadi, J. R. Stat. Soc. B 56, 393, 1994). It starts with the half of the runs nearest to the median,
+and repeatedly adds the runs that the current ones predict. A run is an outlier if its distance from the mean of the
+others, in standard deviations of that distance, exceeds the quantile of Student's t at a level of 0.001 for all runs
+together (Bonferroni).
 """
 
 from collections.abc import Sequence
@@ -25,7 +24,7 @@ from ..show import interval, uncertain
 
 _LEVEL = 0.95
 _LARGEST = 1e3
-# Fewest runs of which a scatter is told.
+# Fewest runs for an estimate of the scatter.
 _FEWEST = 3
 
 
@@ -33,11 +32,11 @@ class Population(NamedTuple):
     """A coefficient over many runs.
 
     Attributes:
-        mean: of the runs; `std`: its standard error, and `interval`: its 95 % interval by Student's t.
-        combined_std: standard error of the mean with what the inputs of a rig contribute to all runs in common.
-        scatter: standard deviation from run to run; `scatter_interval`: its 95 % interval.
-        runs: number of runs that it rests on.
-        outliers: numbers of the runs that were set aside, for they cannot belong to the others.
+        mean: mean of the runs; `std`: its standard error, and `interval`: its 95 % interval by Student's t.
+        combined_std: standard error of the mean including the uncertain inputs of the rig, common to all runs.
+        scatter: standard deviation between runs; `scatter_interval`: its 95 % interval.
+        runs: number of runs used.
+        outliers: numbers of excluded runs, which are inconsistent with the others.
         left_out: numbers of the runs without a valid value.
     """
 
@@ -63,13 +62,15 @@ class Population(NamedTuple):
 
 
 def population(values: np.ndarray, std_errors: np.ndarray, contributions: Sequence[np.ndarray] = ()) -> Population:
-    """Mean and scatter of a coefficient from those of single runs; runs that are not finite are left out.
+    """Estimate mean and scatter of a coefficient from those of single runs.
+
+    Runs with values that are not finite are ignored.
 
     Args:
         values: coefficient of each run, shape (runs,).
-        std_errors: its standard error by the noise of the run alone, shape (runs,).
-        contributions: how much each input of a rig that is common to all runs changes it in each of them, by one
-            standard uncertainty of the input, each of shape (runs,).
+        std_errors: its standard error from the noise of the run alone, shape (runs,).
+        contributions: change of the coefficient in each run per standard uncertainty of each rig input, which is common
+            to all runs; each of shape (runs,).
 
     Raises:
         DataError: fewer than three runs with a finite value and a finite standard error.
@@ -87,7 +88,10 @@ def population(values: np.ndarray, std_errors: np.ndarray, contributions: Sequen
 
 
 def _of(z: np.ndarray, u: np.ndarray, common: np.ndarray) -> Population:
-    """The population of runs that belong together; `common` changes them by so much, shape (inputs, runs)."""
+    """Return the population of consistent runs.
+
+    `common` is their change by each rig input, shape (inputs, runs).
+    """
     scatter = _most_likely(z, u)
     mean, std = _centre(z, u, scatter)
     reach = _quantile((1 + _LEVEL) / 2, z.size - 1) * std
@@ -97,7 +101,10 @@ def _of(z: np.ndarray, u: np.ndarray, common: np.ndarray) -> Population:
 
 
 def _centre(z: np.ndarray, u: np.ndarray, scatter: float) -> tuple[float, float]:
-    """Weighted mean and its standard error, not below what the runs themselves say."""
+    """Return the weighted mean and its standard error.
+
+    The error is not below that from the errors of the runs.
+    """
     mean, weights = _mean(z, u, scatter)
     excess = float(weights @ (z - mean) ** 2) / (z.size - 1)
     return mean, float(np.sqrt(max(excess, 1.0) / weights.sum()))
@@ -110,7 +117,7 @@ def _quantile(level: float, dof: int) -> float:
 
 
 def _belonging(z: np.ndarray, u: np.ndarray) -> np.ndarray:
-    """Which runs belong together, shape (runs,)."""
+    """Return True for runs that are consistent, shape (runs,)."""
     middle = np.median(z)
     spread = np.median(np.abs(z - middle)) / NORMAL_MAD
     distance = np.abs(z - middle) / np.hypot(spread, u)
@@ -125,23 +132,26 @@ def _belonging(z: np.ndarray, u: np.ndarray) -> np.ndarray:
 
 
 def _predicted(z: np.ndarray, u: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """Which runs lie where those already known let one expect them."""
+    """Return True for runs that the `known` ones predict."""
     scatter = _most_likely(z[known], u[known])
     mean, std = _centre(z[known], u[known], scatter)
-    # The half nearest to the median scatters less than the whole, so that some search ends early, and about one normal
-    # sample in a hundred loses a run.
+    # The half nearest to the median scatters less than the whole. So some searches end early: about one normal sample
+    # in a hundred loses a run.
     furthest = _quantile(1 - thresholds.RARE / (2 * z.size), int(known.sum()) - 1)
     return np.abs(z - mean) <= furthest * np.sqrt(scatter**2 + u**2 + std**2)
 
 
 def _mean(z: np.ndarray, u: np.ndarray, scatter: float) -> tuple[float, np.ndarray]:
-    """Weighted mean, and the weights."""
+    """Return the weighted mean and the weights."""
     weights = 1 / (u**2 + scatter**2)
     return float(weights @ z / weights.sum()), weights
 
 
 def _most_likely(z: np.ndarray, u: np.ndarray) -> float:
-    """Scatter of largest restricted likelihood, zero where the standard errors explain everything."""
+    """Return the scatter by restricted maximum likelihood.
+
+    It is zero if the standard errors explain the scatter.
+    """
     from scipy.optimize import minimize_scalar
 
     unit = float(np.std(z, ddof=1))
@@ -157,7 +167,7 @@ def _most_likely(z: np.ndarray, u: np.ndarray) -> float:
 
 
 def _interval(z: np.ndarray, u: np.ndarray) -> tuple[float, float]:
-    """Scatters for which the weighted sum of squares is a plausible chi^2."""
+    """Return the range of scatters with a plausible weighted chi^2."""
     from scipy.optimize import brentq
     from scipy.stats import chi2
 

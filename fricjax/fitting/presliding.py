@@ -1,10 +1,10 @@
-"""What the last reversal tells of a contact that yields before it slides: its stiffness and its damping.
+"""Stiffness and damping of a contact that yields, from the last reversal.
 
-At the last reversal the contact is bent as far as it goes. It springs back by ``l ln(2/(1 - a/x_d))``, where
-``l = F_d/sigma0`` is its deflection in sliding and ``a`` the deflection of the spring there, and rings at the Dahl
-resonance ``sqrt((k + sigma0)/m)/2pi`` with the contact's own damping beside that of the machine (Dahl, 1968; Yoon and
-Trumper, Mechatronics 24, 2014). Where the record shows no rest, the energy that the contact returns at each reversal,
-``2 F_d l``, tells the stiffness instead.
+At the last reversal the deflection of the contact is largest. It springs back by ``l ln(2/(1 - a/x_d))``, with its
+deflection in sliding ``l = F_d/sigma0`` and the spring deflection ``a`` there. It rings at the Dahl resonance
+``sqrt((k + sigma0)/m)/2pi``, damped by the contact and the machine (Dahl, 1968; Yoon and Trumper, Mechatronics 24,
+2014). If the record shows no rest, the stiffness follows from the energy that the contact returns at each reversal,
+``2 F_d l``.
 """
 
 from collections.abc import Iterator, Sequence
@@ -16,30 +16,33 @@ from .. import thresholds
 from ..data import Segmentation
 from .window import Window, equilibrium
 
-# The settling is looked at over this many half-periods, 50 ms on the prototype, and at about this many samples.
+# Analysed time after the last reversal in half-periods, 50 ms on the prototype, and approximate number of samples.
 _REACH, _SAMPLES = 1.25, 1000
-# Ratios of the Dahl resonance to the natural frequency that are tried, and damping ratios of a ringing.
+# Trial ratios of the Dahl resonance to the natural frequency, and trial damping ratios of a ringing.
 _RESONANCES = np.geomspace(1.3, 300.0, 110)
 _RATIOS = np.geomspace(0.01, 0.6, 9)
-# Damping ratios of a contact that springs back without ringing.
+# Trial damping ratios of a contact that springs back without ringing.
 _SLUGGISH = np.geomspace(0.2, 20.0, 40)
-# A ringing is there where it explains this part of what a creep leaves.
+# A ringing must explain this part of the residual of a creep.
 _EXPLAINS = 0.5
-# The least delay of a contact that a fit looks for, in standard errors of a displacement from all samples.
+# Least delay of a contact that a fit resolves, in standard errors of a displacement from all samples.
 _LATE = 0.3
-# The least delay that double precision resolves, in dead bands.
+# Least delay that double precision resolves, in dead bands.
 _ROUNDING = 1e-9
 
 
 class Contact(NamedTuple):
-    """Stiffness [N/m] and damping [N s/m] of a contact before it slides, None where the record does not show it."""
+    """Stiffness [N/m] and damping [N s/m] of a contact; None if unknown."""
 
     stiffness: float | None
     damping: float | None
 
 
 class Machine(NamedTuple):
-    """What is known of the machine: mass [kg], stiffness [N/m], damping [N s/m] and dynamic friction force [N]."""
+    """Known properties of the machine.
+
+    These are mass [kg], stiffness [N/m], damping [N s/m] and dynamic friction force [N].
+    """
 
     mass: float
     stiffness: float
@@ -48,12 +51,12 @@ class Machine(NamedTuple):
 
 
 class _Settling(NamedTuple):
-    """The motion after a last reversal, in the direction of the last half-cycle.
+    """Motion after the last reversal, in the direction of the last half-cycle.
 
     Attributes:
         t: time since the reversal [s]; `x`: displacement [m]; `noise`: its standard deviation.
-        reversal: where the mass turned, from the equilibrium of the spring [m].
-        returned: how far it sprang back [m]; zero where that cannot be separated from noise.
+        reversal: position of the reversal relative to the equilibrium of the spring [m].
+        returned: distance that it sprang back [m]; zero if it cannot be separated from noise.
     """
 
     t: np.ndarray
@@ -64,19 +67,19 @@ class _Settling(NamedTuple):
 
 
 def contact_of(windows: Sequence[Window], machine: Machine, returned: float | None) -> Contact:
-    """The contact as the records show it.
+    """Estimate the contact from the records.
 
     Args:
-        windows: the records; of several the one counts whose mass turned nearest to the equilibrium, for a contact that
-            holds it far from there has begun to yield, and rings more slowly.
-        machine: the machine as the decay shows it.
+        windows: the records. The one with the last reversal nearest to the equilibrium is used: far from it the contact
+            has begun to yield, and rings at a lower frequency.
+        machine: the machine estimated from the decay.
         returned: energy that the contact returns at each reversal, from the decay [J]; None for unknown.
 
-    A contact that lets the mass rest where it turned is taken to turn as late as the noise lets it; one of which the
-    decay alone tells that it returns nothing, and less surely, to bend by the noise. Neither is taken to ring.
+    If the mass rests where it turned, the estimated delay is the largest that the noise hides. If only the decay shows
+    that no energy is returned, which is less certain, the estimated deflection equals the noise. Neither contact rings.
     """
     settlings = sorted(_settlings(windows), key=lambda settling: abs(settling.reversal))
-    # By its ringing where it rings, by its spring-back where it creeps home.
+    # From its ringing if it rings, else from the distance that it springs back.
     contacts = [
         _by_ringing(settling, machine) or _by_spring_back(settling, machine)
         for settling in settlings
@@ -93,24 +96,24 @@ def contact_of(windows: Sequence[Window], machine: Machine, returned: float | No
 
 
 def stiffest(windows: Sequence[Window], machine: Machine) -> float:
-    """Stiffness beyond which a contact is as good as rigid [N/m]: no record shows how late it turns."""
+    """Return the largest contact stiffness that the records can resolve [N/m]."""
     shown = min(float(np.median(w.sigma)) / np.sqrt(w.used.sum() * len(windows)) for w in windows)
     return _late(machine, _LATE * shown)
 
 
 def _late(machine: Machine, way: float) -> float:
-    """Stiffness of a contact that delays the mass by so long a way [m].
+    """Return the stiffness of a contact that causes a delay [N/m].
 
-    A contact that bends by l before it slides pushes the mass on its way back from a reversal at the deflection a. In
-    the time ``sqrt(2 l/a)/omega`` that it takes to turn, the mass gains ``x_d sqrt(2 l/a)`` with the dead band x_d:
-    most, ``sqrt(2 l x_d)``, where it hardly moves on.
+    The delay `way` is a distance [m]. After a reversal at the deflection a, a contact with the deflection l in sliding
+    pushes the mass back. While it turns, during ``sqrt(2 l/a)/omega``, the mass gains ``x_d sqrt(2 l/a)`` with the dead
+    band x_d. The gain is largest, ``sqrt(2 l x_d)``, if the mass hardly moves on.
     """
     band = machine.friction / machine.stiffness
     return 2 * machine.friction * band / max(way, _ROUNDING * band) ** 2
 
 
 def _noise(windows: Sequence[Window]) -> float:
-    """Standard deviation of the samples of the least noisy record [m]."""
+    """Return the noise of the samples of the least noisy record [m]."""
     return min(float(np.median(window.sigma)) for window in windows)
 
 
@@ -128,7 +131,7 @@ def _settlings(windows: Sequence[Window]) -> Iterator[_Settling]:
 
 
 def _settling(window: Window, segmentation: Segmentation) -> _Settling | None:
-    """The motion after the last reversal, None where the record ends too soon."""
+    """Return the motion after the last reversal, if recorded long enough."""
     used = np.asarray(window.trace.mask)
     t, x = np.asarray(window.trace.t)[used], np.asarray(window.trace.x)[used]
     begin, h = float(segmentation.turning_times[-1]), segmentation.half_period
@@ -148,7 +151,10 @@ def _settling(window: Window, segmentation: Segmentation) -> _Settling | None:
 
 
 def _by_ringing(seen: _Settling, machine: Machine) -> Contact | None:
-    """Least squares of a damped swing beside a creep, over frequencies and damping ratios; None where none rings."""
+    """Fit a damped oscillation and a creep, if it rings.
+
+    Frequencies and damping ratios are tried on a grid.
+    """
     natural = np.sqrt(machine.stiffness / machine.mass)
     fastest = np.pi / 2 / float(np.median(np.diff(seen.t)))
     omega, ratio = np.meshgrid(natural * _RESONANCES[_RESONANCES * natural < fastest], _RATIOS, indexing="ij")
@@ -172,7 +178,7 @@ def _by_ringing(seen: _Settling, machine: Machine) -> Contact | None:
 
 
 def _by_spring_back(seen: _Settling, machine: Machine) -> Contact:
-    """Stiffness from how far the mass springs back, damping from how fast."""
+    """Estimate stiffness from the distance of spring-back, and damping from its speed."""
     band = machine.friction / machine.stiffness
     if not seen.returned < band:
         return Contact(None, None)
@@ -184,7 +190,10 @@ def _by_spring_back(seen: _Settling, machine: Machine) -> Contact:
 
 
 def _misfit(seen: _Settling, omega: float, ratio: float) -> float:
-    """Sum of squares that a damped swing from rest, about a place of its own, leaves of the settling [m^2]."""
+    """Return the sum of squared residuals of a damped step response [m^2].
+
+    Its mean is fitted.
+    """
     root = np.sqrt(complex(ratio**2 - 1))
     poles = omega * np.array([-ratio + root, -ratio - root])
     swing = ((poles[1] * np.exp(poles[0] * seen.t) - poles[0] * np.exp(poles[1] * seen.t)) / (poles[1] - poles[0])).real

@@ -1,4 +1,4 @@
-"""From what the user asked for to the problem that is solved: parameters with start values, and the residual."""
+"""The problem to solve: parameters with start values, and the residual."""
 
 import dataclasses
 from collections.abc import Callable, Iterable, Sequence
@@ -38,14 +38,14 @@ class Problem:
 
     Attributes:
         residual: residual of all samples, with the inputs of the rig.
-        condensed: the same of far fewer samples that have the same squares, without the inputs; what is solved.
-        stage_weights: for each run what its windows need to know, at the condensed samples.
+        condensed: the same with far fewer samples but equal normal equations, without the inputs; it is solved.
+        stage_weights: weights of each run for the stages of a fit, at the condensed samples.
         limits: bounds in coordinates.
         loss: loss of the residuals; `noise`: name of the noise model.
         parameters: the free parameters in order; `inputs`: the uncertain inputs of the rig, by name.
         windows: the fitted part of each record.
         bracketed: name of a static coefficient that the user freed and that is bracketed instead of fitted.
-        made: whether its records were made from the fitted model, which then lacks nothing.
+        made: True if its records were made from the fitted model, which is then complete.
     """
 
     residual: Residual
@@ -66,12 +66,15 @@ class Problem:
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """What sentences call each run."""
+        """Name of each run in messages."""
         return labels([window.name for window in self.windows])
 
     @property
     def origins(self) -> np.ndarray:
-        """What the record is ahead of its run in time, for release times; zero for other parameters, shape (p,)."""
+        """Time offset from run to record for release times, shape (p,).
+
+        It is zero for other parameters.
+        """
         origins = np.zeros(len(self.names))
         for run, window in enumerate(self.windows):
             place = self.residual.space.places(run).get("t_release")
@@ -80,7 +83,10 @@ class Problem:
         return origins
 
     def by_run(self, residual: Any) -> list[np.ndarray]:
-        """The weighted residual of each run at the samples of its record, without those of the priors."""
+        """Split the weighted residual by run, at the samples of its record.
+
+        Residuals of the priors are dropped.
+        """
         ends = np.cumsum([run.t.shape[0] for run in self.residual.runs])
         parts = np.split(np.asarray(residual), ends)[:-1]
         return [part[: window.used.size] for part, window in zip(parts, self.windows, strict=True)]
@@ -97,7 +103,7 @@ class Problem:
 
     @property
     def n_priors(self) -> int:
-        """Number of priors, each as good as one more sample."""
+        """Number of priors; each counts as one more sample."""
         return int(np.sum(np.asarray(self.residual.prior_weight) > 0))
 
 
@@ -105,29 +111,29 @@ def build_problem(records: Sequence[Record | Trace], request: Request) -> Proble
     """Build the problem.
 
     Raises:
-        UsageError: names, bounds, priors or ties that do not fit, or parameters that no trace can tell apart.
+        UsageError: invalid names, bounds, priors or ties, or parameters that no trace can separate.
         DataError: a record from which the free parameters cannot be determined.
     """
     return problem_on(windows_of(records, request), request)
 
 
 def windows_of(records: Sequence[Record | Trace], request: Request) -> tuple[Window, ...]:
-    """The part of each record that the law of the request can be fitted to.
+    """Return the part of each record to which the law is fitted.
 
     Raises:
         UsageError: an unknown start or nuisance parameter.
-        DataError: a record without the motion that the start asks for.
+        DataError: a record without the motion that the start requires.
     """
     law = request.oscillator.friction
     how = {"keeps_memory": law.n_states > 0, "creeps": law.kind == "smooth"}
     windows = [open_window(record, request.start, request.nuisance, **how) for record in records]
-    # What is wrong with the machine is said once for all of its runs.
+    # Doubts about the machine are reported once for all runs.
     doubts = (*windows[0].doubts, *contradiction(request.oscillator, windows[0].segmentation.half_period))
     return (dataclasses.replace(windows[0], doubts=doubts), *windows[1:])
 
 
 def problem_on(windows: tuple[Window, ...], request: Request) -> Problem:
-    """The problem of fitting these parts of records; raises as `build_problem` does."""
+    """Return the problem for these windows; raise as `build_problem` does."""
     leaves = leaves_of(request.oscillator)
     shared, bracketed = shared_leaves(request, leaves)
     _check_windows(windows)
@@ -154,13 +160,16 @@ def problem_on(windows: tuple[Window, ...], request: Request) -> Problem:
 
 
 def with_rests(problem: Problem) -> Problem:
-    """The problem with all samples of the rests, also those at which rounding repeats an error."""
+    """Return the problem with all samples of the rests.
+
+    They include samples that repeat a rounding error.
+    """
     windows = (dataclasses.replace(window, used=window.used | window.repeated) for window in problem.windows)
     return with_windows(problem, tuple(windows))
 
 
 def with_windows(problem: Problem, windows: tuple[Window, ...]) -> Problem:
-    """The problem with other samples, or others weights of them."""
+    """Return the problem with other samples or weights."""
     pairs = zip(windows, problem.residual.runs, strict=True)
     runs = tuple(full_run(window, True)._replace(half_cycles=run.half_cycles) for window, run in pairs)
     residual = problem.residual._replace(runs=of_one_length(runs))
@@ -172,9 +181,10 @@ def with_windows(problem: Problem, windows: tuple[Window, ...]) -> Problem:
 
 
 def displaced(problem: Problem) -> Callable[[Sequence[np.ndarray]], Problem]:
-    """From the displacements of records made from the model [m], one array for each run, to the problem of these.
+    """Return a function that replaces the displacements of a problem.
 
-    Times, weights and windows are those of the problem, so that nothing but displacements has to be condensed anew.
+    It takes one array [m] for each run, made from the model. Times, weights and windows do not change, so only
+    displacements are condensed again.
     """
     pairs = zip(problem.windows, problem.residual.runs, strict=True)
     few = [condensation(window, run, problem.residual.oscillator) for window, run in pairs]
@@ -200,7 +210,7 @@ def _check_windows(windows: Sequence[Window]) -> None:
         if window.used.sum() < 8:
             raise DataError(f"The fitted window{where} holds only {int(window.used.sum())} samples. Widen it.")
         if "offset" in window.nuisances and window.completed < 2:
-            # Lost samples may have hidden the others.
+            # Gaps may hide other half-cycles.
             faults = reported_faults(Record(window.trace, {"quantity": window.quantity}), where)
             raise DataError(
                 f"The fitted window{where} holds {window.completed} complete half-cycle(s), and with the offset free "
@@ -215,7 +225,7 @@ def _residual(
     windows: Sequence[Window],
     parameters: Sequence[Parameter],
 ) -> tuple[Residual, dict[str, Measured]]:
-    """The residual of all samples, and the inputs of the rig in it."""
+    """Return the residual of all samples, and its rig inputs."""
     engine = engine_for(request, windows)
     mean, weight = parse_priors(request.priors, [parameter.name for parameter in parameters], windows)
     oscillator = jax.tree.map(lambda leaf: np.asarray(leaf, float), request.oscillator)
@@ -226,7 +236,7 @@ def _residual(
 
 
 def _condensed(residual: Residual, windows: Sequence[Window]) -> Residual:
-    """The residual of the condensed records, without the inputs of the rig."""
+    """Return the residual of condensed records, without rig inputs."""
     pairs = zip(windows, residual.runs, strict=True)
     runs = of_one_length(tuple(condensed_run(*pair, residual.oscillator) for pair in pairs))
     return without_inputs(residual)._replace(runs=runs)
@@ -239,12 +249,12 @@ def _limits(space: ParameterSpace, parameters: Sequence[Parameter]) -> Limits:
 
 
 def engine_for(request: Request, windows: Sequence[Window]) -> AbstractEngine:
-    """The engine, built for the longest record and for an error below what its noise leaves visible."""
+    """Return the engine, suited to the longest record and the lowest noise."""
     machine = request.oscillator
     uncertain = () if request.rig is None else request.rig.inputs()
     drag_moves = any(name.endswith("drag") for name in (*request.free, *uncertain))
     half_cycles = max(_half_cycles(window, can_stop(request)) for window in windows)
-    # A drag that is free, or with respect to which a derivative is taken, is no number yet.
+    # A free drag, or one that derivatives are taken by, has no fixed value.
     known = eqx.tree_at(lambda machine: machine.drag, machine, np.asarray(np.nan)) if drag_moves else machine
     if request.engine == "diffrax":
         raise UsageError("The diffrax engine is a reference for simulations. Fit with another one, such as auto.")
@@ -252,7 +262,7 @@ def engine_for(request: Request, windows: Sequence[Window]) -> AbstractEngine:
         engine = select_engine(request.engine, known, max_half_cycles=power(half_cycles + 2, _CAPACITY))
     except ValueError as error:
         raise UsageError(str(error)) from error
-    # An engine that is given, not named, is taken as it is.
+    # An engine object is used unchanged.
     return engine.tuned(machine, _demands(windows)) if isinstance(request.engine, str) else engine
 
 
@@ -265,7 +275,10 @@ def _demands(windows: Sequence[Window]) -> Demands:
 
 
 def _swings(window: Window) -> np.ndarray:
-    """Deflections from which the half-cycles start that a table is to give, all but the last ones before a stop."""
+    """Return the amplitudes that a table must cover.
+
+    These are the starts of all half-cycles, except the last ones before a stop.
+    """
     segmentation = window.segmentation
     later = segmentation.turning_times > window.t_start + segmentation.half_period / 4
     swings = np.abs(segmentation.turning_points[later] - equilibrium(segmentation))
@@ -274,14 +287,14 @@ def _swings(window: Window) -> np.ndarray:
 
 
 def can_stop(request: Request) -> bool:
-    """Whether the law can hold the mass, with the free coefficients away from zero."""
+    """Return True if the law, with positive coefficients, can hold the mass."""
     machine, kinds = request.oscillator, {name.rsplit(".", 1)[-1] for name in request.free}
     sticks = bool(kinds & {"mu", "mu_s", "normal_force"})
     return sticks or float(machine.friction.static_force(machine.normal_force)) > 0
 
 
 def _half_cycles(window: Window, stops: bool) -> int:
-    """Half-cycles that the engine must provide for: those until the stop, or as many as the record can hold."""
+    """Return the number of half-cycles that the engine must support."""
     if stops and window.half_cycles < NEVER:
         return window.half_cycles
     return int(1.3 * float(window.trace.duration) / window.segmentation.half_period) + 4

@@ -1,4 +1,4 @@
-"""What a fit makes small: the weighted distance of computed from measured displacement, and of values from priors."""
+"""The residual: weighted differences of displacements and of priors."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -16,23 +16,24 @@ from ..oscillator.engines.elementary import once
 from ..oscillator.motion import Start
 
 ERRORS = ("displacement_scale", "time_scale", "periodic_nonlinearity_cosine", "periodic_nonlinearity_sine")
-"""What a reading may err by: true over displayed displacement and true over stated time, each less one, and the
-amplitudes of an error that is periodic in the displacement [m]. A fit takes them for zero."""
+"""Relative errors of a reading: true over displayed displacement and true over stated time, each minus one, and the
+amplitudes of an error that is periodic in the displacement [m]. A fit assumes that they are zero."""
 
 
-# The parts of a problem are tuples: the host makes several of each for every run, and takes fifty times longer to read
-# a field of a module of equinox, and a hundred to make one.
+# The parts of a problem are tuples. For each run several are made, and equinox modules are 50 times slower to read and
+# 100 times slower to make.
 class Run(NamedTuple):
-    """One record as the residual sees it, in numpy arrays until it is traced; times count from the run's own origin.
+    """One record for the residual, in numpy arrays until it is traced.
+
+    Times are relative to the origin of the run.
 
     Attributes:
-        t: times [s], shape (samples,); those of samples that are not used are moved to the nearest used one.
+        t: times [s], shape (samples,); unused samples have the time of the nearest used one.
         x: measured displacement [m], shape (samples,).
-        weight: one over the noise [1/m], shape (samples,), zero where a sample is not used.
-        half_cycles: number of half-cycles from the start to the stop, as the record shows it; huge where it ends in
-            motion.
-        fixed: x0, v0, offset, drift, t_release and z0 where they are not free.
-        engine: the engine on a mesh that was made for this run; None where all runs share one.
+        weight: one over the noise [1/m], shape (samples,); zero for unused samples.
+        half_cycles: number of half-cycles from the start to the stop in the record; huge if it ends in motion.
+        fixed: those of x0, v0, offset, drift, t_release and z0 that are not free.
+        engine: engine with the mesh of this run; None if all runs share an engine.
     """
 
     t: Any
@@ -44,11 +45,12 @@ class Run(NamedTuple):
 
 
 class ObservedMotion(eqx.Module):
-    """The motion of one run as its instrument sees it: a path that starts at `t_release`, with offset and drift.
+    """Motion of one run as its instrument reads it.
+
+    It is a path that starts at `t_release`, with offset and drift.
 
     Attributes:
-        errors: what the reading errs by, as in `ERRORS`, and `period` of the periodic error [m]; None where nothing is
-            asked of them.
+        errors: errors of the reading, as in `ERRORS`, and `period` of the periodic one [m]; None without them.
     """
 
     path: AbstractPath
@@ -59,34 +61,33 @@ class ObservedMotion(eqx.Module):
     period: Any = None
 
     def read(self, t: Float[Array, " samples"]) -> Float[Array, " samples"]:
-        """Reading at times `t` of the run [m]."""
+        """Return the reading at times `t` of the run [m]."""
         x, v = self.path.sample(t - self.t_release)
         reading = x + self.offset + self.drift * t
         if self.errors is None:
             return reading
         phase = 2 * jnp.pi * reading / self.period
-        # The errors are small, so that nothing is asked of how they depend on the motion in turn.
+        # The errors are small, so their dependence on the motion is neglected.
         by_error = jnp.stack([-reading, (v + self.drift) * t, jnp.cos(phase), jnp.sin(phase)])
         return reading + self.errors @ jax.lax.stop_gradient(by_error)
 
 
 class Residual(NamedTuple):
-    """The residual of one or several runs of the same machine, and of the priors, as a function of the coordinates.
+    """Residual of runs of one machine, and of priors, by coordinates.
 
-    The coordinates are those of the free parameters, followed by one for each uncertain input of the rig in units of
-    its standard uncertainty. The latter stay at zero; their columns of the Jacobian carry the inputs' uncertainty to
-    the result.
+    The first coordinates are those of the free parameters. One for each uncertain input of the rig follows, in units of
+    its standard uncertainty. The latter stay at zero; their columns of the Jacobian propagate the uncertainty of the
+    inputs to the result.
 
     Attributes:
         oscillator: template of the machine; its free leaves are replaced.
         space: parameter space.
         engine: engine that computes the motions.
         runs: the records.
-        prior_mean, prior_weight: mean and one over the standard deviation of each parameter's prior, weight zero for
-            none.
-        inputs: change of each leaf of the machine for one standard uncertainty of each input, and behind the leaves,
-            where `period` is not None, of each of the `ERRORS` of the reading.
-        period: displacement over which the periodic error of the reading repeats [m].
+        prior_mean, prior_weight: mean and inverse standard deviation of each parameter's prior; weight zero for none.
+        inputs: change of each leaf of the machine per standard uncertainty of each input. If `period` is not None,
+            changes of the `ERRORS` of the reading follow.
+        period: period of the periodic error of the reading [m].
     """
 
     oscillator: Oscillator
@@ -104,7 +105,10 @@ class Residual(NamedTuple):
         return self.prior_mean.shape[0]
 
     def with_runs(self, **columns: Iterable[Any]) -> "Residual":
-        """The residual with fields of its runs replaced, each by one entry for every run."""
+        """Return the residual with fields of its runs replaced.
+
+        Each keyword gives one entry for every run.
+        """
         rows = zip(*columns.values(), strict=True)
         pairs = zip(self.runs, (dict(zip(columns, row, strict=True)) for row in rows), strict=True)
         return self._replace(runs=tuple(run._replace(**fields) for run, fields in pairs))
@@ -114,9 +118,9 @@ class Residual(NamedTuple):
         return jnp.concatenate([*parts, self.priors(y)])
 
     def each(self, function: Callable[..., Any], *columns: Sequence[Any]) -> list[Any]:
-        """What a function says of every run, from its number and its entry in each of the columns.
+        """Apply a function to the number and the columns of every run.
 
-        Runs of the same shape are gone through by one compiled loop, so that many compile no longer than one.
+        Runs of equal shape use one compiled loop, so many runs compile as fast as one.
         """
         rows = list(zip(*columns, strict=True))
         if len(rows) == 1 or not (self.space.alike and _are_alike(rows)):
@@ -131,7 +135,10 @@ class Residual(NamedTuple):
         return [jax.tree.map(lambda values, i=i: values[i], results) for i in range(len(rows))]
 
     def directions(self, number: Any) -> Float[Array, "directions coordinates"]:
-        """Unit vectors along the coordinates on which the motion of a run depends: all but those of other runs."""
+        """Return unit vectors along the coordinates that affect a run.
+
+        These are all coordinates except those of other runs.
+        """
         p, shared, total = self.n_parameters, len(self.space.leaves), self.n_parameters + self.inputs.shape[0]
         if any(tie.parameter >= shared for tie in self.space.ties):
             return jnp.identity(total)
@@ -139,15 +146,15 @@ class Residual(NamedTuple):
         return (along[:, None] == jnp.arange(total)) * 1.0
 
     def priors(self, y: Float[Array, " coordinates"]) -> Float[Array, " p"]:
-        """Distance of the values to the means of their priors, in standard deviations."""
+        """Return deviations of the values from their prior means, in standard deviations."""
         return (self.values(y) - self.prior_mean) * self.prior_weight
 
     def values(self, y: Float[Array, " coordinates"]) -> Float[Array, " p"]:
-        """Values of the free parameters."""
+        """Return the values of the free parameters."""
         return self.space.values(y[: self.n_parameters])
 
     def machine(self, y: Float[Array, " coordinates"]) -> Oscillator:
-        """The oscillator at coordinates `y`."""
+        """Return the oscillator at coordinates `y`."""
         return self._machine(y, self.values(y))
 
     def _machine(self, y: Float[Array, " coordinates"], values: Float[Array, " p"]) -> Oscillator:
@@ -156,19 +163,19 @@ class Residual(NamedTuple):
             shift = y[self.n_parameters :] @ self.inputs
             leaves, structure = jax.tree.flatten(moved)
             moved = jax.tree.unflatten(structure, [leaf + shift[i] for i, leaf in enumerate(leaves)])
-        # All over the program its coefficients would be computed anew.
+        # Without a barrier XLA would compute its coefficients again at each use.
         return once(self.space.model(moved, values))
 
     def run_parameters(self, values: Float[Array | np.ndarray, " p"], run: int) -> dict[str, Array]:
-        """State and offset of one run, free or fixed, by name, from the values of the parameters."""
+        """Return state and offset of one run by name, free or fixed."""
         return self.parameters_of_run(values, run, self.runs[run])
 
     def parameters_of_run(self, values: Float[Array | np.ndarray, " p"], number: Any, record: Run) -> dict[str, Array]:
-        """The same of a run that is at hand with its number."""
+        """Return the same for a given record and its number."""
         return {**record.fixed, **self.space.run_values(values, number)}
 
     def observed(self, y: Float[Array, " coordinates"], number: Any, record: Run) -> ObservedMotion:
-        """Computed motion of the run of a number."""
+        """Return the computed motion of a run."""
         values = self.values(y)
         machine, at = self._machine(y, values), self.parameters_of_run(values, number, record)
         path = (record.engine or self.engine).path(machine, start_of(machine, at), record.half_cycles)
@@ -179,7 +186,7 @@ class Residual(NamedTuple):
 
 
 def _are_alike(rows: Sequence[Any]) -> bool:
-    """Whether rows differ in nothing but the numbers in their arrays."""
+    """Return True if rows differ only in the values of their arrays."""
 
     def shape(row: Any) -> Any:
         leaves, structure = jax.tree.flatten(row)
@@ -189,13 +196,16 @@ def _are_alike(rows: Sequence[Any]) -> bool:
 
 
 def start_of(machine: Oscillator, at: Mapping[str, Any]) -> Start:
-    """Start of a run: its internal states are `z0` times those after a slow pull, or after long sliding."""
+    """Return the start of a run, with internal states scaled by `z0`.
+
+    At `z0` = 1 they are those after a slow pull, or after long sliding.
+    """
     start = starting_state(machine, at["x0"], at["v0"])
     return start._replace(state=at.get("z0", 1.0) * start.state)
 
 
 def without_inputs(residual: Residual) -> Residual:
-    """The residual as a function of the coordinates of the free parameters alone."""
+    """Return the residual as a function of the free parameters alone."""
     leaves = len(jax.tree.leaves(residual.oscillator))
     return residual._replace(inputs=residual.inputs[:0, :leaves], period=None)
 
@@ -208,12 +218,15 @@ def motion(
     t: Float[Array | np.ndarray, " samples"],
     half_cycles: Any,
 ) -> Motion:
-    """Motion of one run at its times `t`; `half_cycles` None lets the rest condition stop it."""
+    """Return the motion of one run at its times `t`.
+
+    With `half_cycles` None the rest condition stops it.
+    """
     return engine.solve(machine, start_of(machine, at), t - at["t_release"], half_cycles)
 
 
 def power(count: int, least: int, factor: int = 2) -> int:
-    """The first of `least`, `least` times `factor`, times `factor` again ... that is not below `count`."""
+    """Return the first of `least` times powers of `factor` not below `count`."""
     size = least
     while size < count:
         size *= factor
@@ -221,7 +234,11 @@ def power(count: int, least: int, factor: int = 2) -> int:
 
 
 def filled(count: int, least: int, most: int, factor: int) -> int:
-    """The same up to a size of `most`, and beyond, where records are few and a filling costs, eighths of a power."""
+    """Return the padded size for `count` samples.
+
+    Up to `most` it is a power. Beyond, where records are rare and padding is expensive, it is a multiple of an eighth
+    of a power of two.
+    """
     if count <= most:
         return power(count, least, factor)
     unit = power(count, most) // 8

@@ -1,8 +1,8 @@
-"""What forces that a model has not would do to the motion: the linear response of the oscillator along its own decay.
+"""Responses of the motion to forces that the model omits.
 
-A force f moves it since the last reversal by ``integral f(theta) sin(phi - theta) d theta / k`` (Nayfeh and Mook,
-Nonlinear Oscillations, 1979, 3); what has grown so far swings on and fades. Amplitudes and times are those of the
-record.
+They are linear responses of the oscillator along its measured decay. A force f changes the displacement since the last
+reversal by ``integral f(theta) sin(phi - theta) d theta / k`` (Nayfeh and Mook, Nonlinear Oscillations, 1979, 3).
+Earlier changes oscillate and decay. Amplitudes and times are those of the record.
 """
 
 from typing import NamedTuple
@@ -15,10 +15,10 @@ from ..oscillator.restoring import Linear
 from .derived import UNITS, Derived
 from .window import Window, equilibrium, without_ringing
 
-# Fewest half-cycles in which a force differs from other start values.
+# Fewest half-cycles for which the effect of a force differs from that of other start values.
 _FEWEST = 3
-# Phases of a half-cycle at which forces are computed. Friction that falls does so within a part of the largest speed,
-# and a contact bends over a part of the largest amplitude: both are seen as well if they do so elsewhere.
+# Phases of a half-cycle at which forces are computed. Assumed scales: falling friction changes within a part of the
+# largest speed, and a contact bends over a part of the largest amplitude. Other scales are detected as well.
 _PHASES = np.linspace(0.0, np.pi, 33)
 _SLOW, _BENT = 0.2, 0.005
 
@@ -27,8 +27,9 @@ class _HalfCycles(NamedTuple):
     """The half-cycles of a run.
 
     Attributes:
-        t: times of the reversals and of the stop, which begin and end them, shape (n + 1,); `swing`: amplitudes there.
-        side: on which each begins, shape (n,); `mean`: mean amplitude.
+        t: times of the reversals and of the stop, which bound the half-cycles, shape (n + 1,); `swing`: amplitudes at
+            these times.
+        side: sign of the displacement at the start of each, shape (n,); `mean`: mean amplitude.
     """
 
     t: np.ndarray
@@ -38,12 +39,12 @@ class _HalfCycles(NamedTuple):
 
 
 class Responses(NamedTuple):
-    """What forces do to the motion.
+    """Responses of the motion to forces.
 
     Attributes:
-        forces: what each is called as it is, and turned round; the latter is empty where it cannot be turned round.
-        effects: the displacement that each makes, up to a positive factor, shape (n, forces).
-        half_cycles: their number.
+        forces: names of each force for positive and negative sign; the latter is empty if that sign is impossible.
+        effects: displacement caused by each, up to a positive factor, shape (n, forces).
+        half_cycles: number of half-cycles.
     """
 
     forces: tuple[tuple[str, str], ...]
@@ -52,12 +53,14 @@ class Responses(NamedTuple):
 
 
 def responses(window: Window, derived: Derived, kinds: set[str], t: np.ndarray) -> Responses:
-    """The responses to all known forces that a model has not; to none where there are too few half-cycles.
+    """Return the responses to all known forces that the model omits.
+
+    They are empty if there are too few half-cycles.
 
     Args:
         window: the fitted part of a record.
         derived: the fitted oscillator.
-        kinds: of the free parameters; what these describe is not lacking.
+        kinds: kinds of the free parameters; forces that these describe are excluded.
         t: times of the run [s], shape (n,).
     """
     half_cycles = _half_cycles_of(window)
@@ -81,13 +84,16 @@ def _half_cycles_of(window: Window) -> _HalfCycles:
 
 
 def _forces(half_cycles: _HalfCycles, machine: Oscillator, kinds: set[str]) -> dict[tuple[str, str], np.ndarray]:
-    """What each adds to the force in each half-cycle, towards the side on which this begins, shape (n, phases)."""
+    """Return each force in each half-cycle, shape (n, phases).
+
+    It is positive towards the side on which the half-cycle begins.
+    """
     mean, largest = half_cycles.mean[:, None], half_cycles.mean.max()
     speed, x = mean * np.sin(_PHASES), mean * np.cos(_PHASES)
     forces = {("damping", ""): speed, ("drag", ""): speed**2}
     if not machine.friction.n_states and isinstance(machine.friction.set_valued_limit(), Coulomb):
-        # Laws other than that of constant friction have forces of their own, for which these may stand. A contact that
-        # bends may be weaker than one that slides or, by its own damping, stronger.
+        # Laws other than constant friction have forces that these may represent. A contact that bends may be weaker
+        # than one that slides or, because of its damping, stronger.
         forces["falling", ""] = np.exp(-((speed / (_SLOW * largest)) ** 2))
         forces["contact", "contact"] = np.exp((x - mean) / (_BENT * largest))
     if isinstance(machine.restoring, Linear):
@@ -96,14 +102,14 @@ def _forces(half_cycles: _HalfCycles, machine: Oscillator, kinds: set[str]) -> d
 
 
 def _responses(half_cycles: _HalfCycles, forces: np.ndarray, derived: Derived, t: np.ndarray) -> np.ndarray:
-    """The responses to forces of shape (forces, half-cycles, phases).
+    """Return the responses to forces of shape (forces, half-cycles, phases).
 
-    Friction turns round where the disturbed motion does: at a reversal a change of velocity shrinks as the acceleration
-    does (Leine and Nijmeijer, Dynamics and Bifurcations of Non-Smooth Mechanical Systems, 2004, 7).
+    Friction changes sign at the reversals of the disturbed motion: there a change of velocity is reduced by the ratio
+    of the accelerations (Leine and Nijmeijer, Dynamics and Bifurcations of Non-Smooth Mechanical Systems, 2004, 7).
     """
     n, side = half_cycles.mean.size, half_cycles.side
     damping, band = (float(derived.kinematics[list(UNITS).index(name)]) for name in ("damping_ratio", "dead_band"))
-    # Displacement, and velocity over the angular frequency as the imaginary part, turned back by the phase.
+    # Complex amplitude: displacement and velocity over the angular frequency, rotated back by the phase.
     each = forces * np.exp((damping + 1j) * _PHASES)
     integral = np.zeros(each.shape, complex)
     np.cumsum((each[..., 1:] + each[..., :-1]) * (_PHASES[1] / 2), axis=-1, out=integral[..., 1:])

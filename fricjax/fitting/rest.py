@@ -1,8 +1,8 @@
-"""The final stop: does the fitted law stop the mass where the record says, and what does that tell of static friction?
+"""The final stop: number of half-cycles, and bracket of static friction.
 
-The number of half-cycles decides where a set-valued law lets the mass rest, and it is taken from the record.
-Afterwards the fitted law is asked for its own count. Static friction has no gradient in a Coulomb law; it lies
-between the spring forces at the turning points where the mass stopped and those at which it moved on.
+The number of half-cycles determines the place where a set-valued law lets the mass rest. It is taken from the record,
+and then compared with the number that the fitted law predicts. Static friction has no gradient in a Coulomb law. It
+lies between the spring forces at the turning points where the mass stopped and those where it moved on.
 """
 
 import dataclasses
@@ -20,20 +20,22 @@ from .residual import motion
 from .solve import Rival, Solution, checking, evaluate_at, half_cycles, solve
 from .window import NEVER, Window, equilibrium, extremes
 
-# Part of the dead band from which residuals are large enough for a missed or added half-cycle [1]. Convention: it moves
-# the rest by a good part of a dead band, of which the mean over all samples keeps some hundredths.
+# Smallest residuals, relative to the dead band, that a missed or added half-cycle could cause. Convention: it shifts
+# the rest by a large part of a dead band, and a few hundredths of that remain in the mean over all samples.
 _HALF_CYCLE_SHARE = 0.02
-# Friction takes two dead bands in each half-cycle, four in two, and holds the mass within one times the ratio of static
-# to dynamic friction: provided for are ratios up to eight.
+# The amplitude decreases by two dead bands per half-cycle, four in two, and the mass rests within one dead band times
+# the ratio of static to dynamic friction. The factor allows for ratios up to eight.
 _STICKS = 2.0
 
 
 class Margin(NamedTuple):
-    """Distance of the turning points to another number of half-cycles [m]; negative where the law counts otherwise.
+    """Distance of the turning points to another number of half-cycles [m].
+
+    It is negative if the law predicts another number.
 
     Attributes:
-        one_more: what the spring lacks at the stop to overcome static friction, over the stiffness.
-        one_less: its excess at the turning point before, over the stiffness.
+        one_more: deflection missing at the stop to overcome static friction.
+        one_less: deflection in excess of static friction at the turning point before.
     """
 
     one_more: float
@@ -44,12 +46,12 @@ CONTRADICTED = "differs from stop to stop"
 
 
 class Bracket(NamedTuple):
-    """Where the static coefficient of a Coulomb law lies.
+    """Interval of the static coefficient of a Coulomb law.
 
     Attributes:
         lower, upper: ends of its interval.
-        contradicted: whether the mass stopped or slid at the upper end and moved on at the lower one, by more than the
-            noise: then no one coefficient fits, and static friction takes values all over the interval.
+        contradicted: True if no single coefficient agrees with all stops within the noise: the mass stopped or slid at
+            the upper end and moved on at the lower one. Static friction then varies over the interval.
 
     Examples:
         >>> bracket = Bracket(lower=0.05, upper=0.08, contradicted=False)
@@ -63,20 +65,20 @@ class Bracket(NamedTuple):
 
 
 def solve_with_rest(problem: Problem, y: np.ndarray | None = None) -> tuple[Problem, Solution]:
-    """Solve with the record's number of half-cycles, and try others where law or residuals ask for it.
+    """Solve with the record's number of half-cycles, and try others if needed.
 
-    Another number is tried where the record leaves it open, where the fitted law would stop the mass at another
-    reversal, and where the residuals are so large that a wrong number could be the reason: then one more and one less,
-    as long as that makes the fit better. The optimum of a number is foreseen from the one at hand, by a look at the
-    record with it: chi^2 there and its slopes tell where it leads. The most promising is fitted first, and one that
-    does not lead further is not fitted at all.
+    Another number is tried if the record leaves it uncertain, if the fitted law would stop the mass at another
+    reversal, or if the residuals are so large that a wrong number could be the cause. In the last case one more and one
+    less are tried, as long as the fit improves. The chi^2 at the optimum of another number is predicted from one
+    evaluation of the current solution with that number. The most promising number is fitted first; a number without a
+    predicted improvement is not fitted.
 
-    Where residuals are so large, rounding is the least of all errors, and the rest follows from all of its samples;
-    these go again when another number has made the residuals small.
+    With such large residuals rounding is negligible, so all samples of the rest are used. If another number makes the
+    residuals small, the repeated samples are dropped again.
 
     Args:
         problem: the problem.
-        y: coordinates to start from; None for the start values.
+        y: initial coordinates; None for the start values.
     """
     rounded, solution = problem, solve(problem, y)
     spent = [solution]
@@ -88,11 +90,11 @@ def solve_with_rest(problem: Problem, y: np.ndarray | None = None) -> tuple[Prob
     tried, seen = {half_cycles(problem)}, dict[tuple[int, ...], Rival]()
     while candidates := _candidates(problem, solution) - tried:
         seen = {counts: _rival(problem, solution, counts) for counts in candidates}
-        for counts, rival in sorted(seen.items(), key=lambda each: each[1].solution.foreseen):
+        for counts, rival in sorted(seen.items(), key=lambda each: each[1].solution.predicted_chi2):
             tried.add(counts)
-            if rival.solution.foreseen >= solution.chi2:
+            if rival.solution.predicted_chi2 >= solution.chi2:
                 continue
-            # From where the first fit started: a wrong number has led the one at hand astray.
+            # Start from the initial coordinates: a wrong number may have led the current solution astray.
             result = solve(rival.problem, y)
             spent.append(result)
             if result.converged and _is_better(problem, rival.problem, solution, result):
@@ -109,33 +111,36 @@ def solve_with_rest(problem: Problem, y: np.ndarray | None = None) -> tuple[Prob
 
 
 def _rivals(problem: Problem, solution: Solution, seen: Mapping[tuple[int, ...], Rival]) -> tuple[Rival, ...]:
-    """The other numbers of half-cycles that the record leaves open, with which it is described about as well.
+    """Return other numbers of half-cycles that describe the record similarly well.
 
-    Some may have been `seen` from this solved.
+    `seen` contains those that were evaluated from this solution.
     """
     if not (solution.converged and problem.residual.oscillator.friction.set_valued):
         return ()
     rivals = [seen.get(counts) or _rival(problem, solution, counts) for counts in _open(problem)]
     reach = solution.chi2 + _by_chance(problem, solution) if rivals else 0.0
-    return tuple(rival for rival in rivals if rival.solution.foreseen < reach)
+    return tuple(rival for rival in rivals if rival.solution.predicted_chi2 < reach)
 
 
 def _rival(problem: Problem, solution: Solution, counts: tuple[int, ...]) -> Rival:
-    """A solution as the record sees it with other numbers of half-cycles, from which a step leads to the optimum."""
+    """Evaluate a solution with other numbers of half-cycles.
+
+    A Gauss-Newton step leads from there to the optimum.
+    """
     rival = with_counts(problem, counts)
-    looked = evaluate_at(rival, checking(rival.residual, solution.y), solution.y)
-    evaluation, at_bound = looked.evaluation, solution.shape.at_bound
+    evaluated = evaluate_at(rival, checking(rival.residual, solution.y), solution.y)
+    evaluation, at_bound = evaluated.evaluation, solution.shape.at_bound
     shape = quadratic(
         evaluation.gradient[: at_bound.size], evaluation.normal[: at_bound.size, : at_bound.size], at_bound
     )
-    return Rival(rival, solution._replace(evaluation=evaluation, derived=looked.derived, shape=shape))
+    return Rival(rival, solution._replace(evaluation=evaluation, derived=evaluated.derived, shape=shape))
 
 
 def _is_better(problem: Problem, rival: Problem, solution: Solution, other: Solution) -> bool:
-    """Whether another number of half-cycles describes the record better, against the record's own word if need be.
+    """Return True if another number of half-cycles describes the record better.
 
-    Where the record leaves that number open the smaller chi^2 decides; where it is sure, the gain must exceed what
-    noise as correlated as the residuals, and the drift that the rest shows, could make of it.
+    If the record leaves that number uncertain, the smaller chi^2 decides. If the record is certain, the gain must
+    exceed the difference expected by chance.
     """
     gain = solution.chi2 - other.chi2
     pairs = zip(problem.windows, half_cycles(problem), half_cycles(rival), strict=True)
@@ -145,27 +150,30 @@ def _is_better(problem: Problem, rival: Problem, solution: Solution, other: Solu
 
 
 def _by_chance(problem: Problem, solution: Solution) -> float:
-    """How far apart noise as correlated as the residuals, and the drift that the rest shows, may put two chi^2."""
+    """Return the chi^2 difference expected by chance.
+
+    It depends on the autocorrelation of the residuals and the drift at rest.
+    """
     correlated = max(whiteness(part).correlation_time for part in problem.by_run(solution.evaluation.residual))
     return thresholds.DECISIVE * correlated * max(map(_unexplained, problem.windows))
 
 
 def _unexplained(window: Window) -> float:
-    """Variance of what is in a record beside its motion, in units of that which the samples are weighted with."""
+    """Return the variance of noise and drift, over the stated variance."""
     segmentation, t = window.segmentation, np.asarray(window.trace.t)[window.used]
     drift = 0.0 if "drift" in window.nuisances else segmentation.drift * (t[-1] - t[0]) / np.sqrt(12)
     return float((segmentation.noise**2 + drift**2) / window.stated**2)
 
 
 def with_counts(problem: Problem, counts: tuple[int, ...]) -> Problem:
-    """The problem with other numbers of half-cycles, one for each run."""
+    """Return the problem with other numbers of half-cycles for the runs."""
     arrays = [np.asarray(count) for count in counts]
     residual, condensed = (each.with_runs(half_cycles=arrays) for each in (problem.residual, problem.condensed))
     return dataclasses.replace(problem, residual=residual, condensed=condensed)
 
 
 def _candidates(problem: Problem, solution: Solution) -> set[tuple[int, ...]]:
-    """Other numbers of half-cycles worth a fit."""
+    """Return other numbers of half-cycles to try."""
     counts = half_cycles(problem)
     if not problem.residual.oscillator.friction.set_valued:
         return set()
@@ -182,7 +190,10 @@ def _candidates(problem: Problem, solution: Solution) -> set[tuple[int, ...]]:
 
 
 def _open(problem: Problem) -> list[tuple[int, ...]]:
-    """The other numbers of half-cycles that the record itself leaves possible, that of one run at a time."""
+    """Return the numbers of half-cycles that the record leaves uncertain.
+
+    Each differs for one run.
+    """
     counts, others_open = half_cycles(problem), []
     for run, window in enumerate(problem.windows):
         others = [counts[run] + step for step in window.segmentation.open] if counts[run] < NEVER else []
@@ -191,12 +202,15 @@ def _open(problem: Problem) -> list[tuple[int, ...]]:
 
 
 def miscounted(problem: Problem, solution: Solution) -> bool:
-    """Whether the residuals are so large that a wrong number of half-cycles could be the reason."""
+    """Return True if a wrong number of half-cycles could cause the residuals."""
     return far_off(problem, solution) or bool(_late_stops(problem, solution))
 
 
 def _late_stops(problem: Problem, solution: Solution) -> list[tuple[int, int]]:
-    """Runs that seem to move to the end of the record but may have stopped just before it, with their half-cycles."""
+    """Return moving runs that may have stopped just before the end.
+
+    Each comes with its number of half-cycles.
+    """
     if solution.chi2 / problem.n_used <= thresholds.EXCESS:
         return []
     runs = zip(problem.windows, half_cycles(problem), strict=True)
@@ -205,14 +219,14 @@ def _late_stops(problem: Problem, solution: Solution) -> list[tuple[int, int]]:
 
 
 def _may_have_stopped(window: Window) -> bool:
-    """Whether the last swings are so small against what friction takes from each that the next may have been none."""
+    """Return True if friction could have stopped the last half-cycle."""
     swings = np.abs(extremes(window.segmentation)[1] - equilibrium(window.segmentation))
-    # Over two half-cycles, which an error of the equilibrium leaves as they are.
+    # A difference over two half-cycles does not depend on the equilibrium.
     return swings.size < 3 or bool(swings[-1] < _STICKS * (swings[-3] - swings[-1]))
 
 
 def far_off(problem: Problem, solution: Solution) -> bool:
-    """Whether the residuals are larger than the noise, and large enough for a missed or added half-cycle."""
+    """Return True if a missed or added half-cycle could cause the residuals."""
     excess = solution.chi2 / problem.n_used
     if excess <= thresholds.EXCESS:
         return False
@@ -221,10 +235,11 @@ def far_off(problem: Problem, solution: Solution) -> bool:
 
 
 def stops_within(problem: Problem, solution: Solution, run: int) -> int | None:
-    """The half-cycle after which the law stops a run, None where it goes on behind the last one of the record.
+    """Return the half-cycle after which the law stops a run, if any.
 
-    The rest condition at the turning points that the solution has anyway. A run that the law does not even let begin,
-    or that ends in motion, has the number of its record.
+    The rest condition is evaluated at the turning points of the solution. A run that the law would not let start, or
+    that ends in motion, keeps the number of its record. The result is None if the mass moves on after the last
+    half-cycle of the record.
     """
     recorded, machine = int(problem.residual.runs[run].half_cycles), solution.derived.machine
     law, load, pulls = machine.friction, machine.normal_force, solution.evaluation.pulls[run]
@@ -236,7 +251,10 @@ def stops_within(problem: Problem, solution: Solution, run: int) -> int | None:
 
 
 def _half_cycles_of_law(problem: Problem, solution: Solution, run: int) -> int:
-    """Half-cycles until the rest condition holds; the record's count where it ends in motion or the law never stops."""
+    """Return half-cycles until the rest condition holds.
+
+    The number of the record is returned if it ends in motion or the law never stops.
+    """
     within = stops_within(problem, solution, run)
     if within is not None:
         return within
@@ -247,7 +265,10 @@ def _half_cycles_of_law(problem: Problem, solution: Solution, run: int) -> int:
 
 
 def rest_margin(problem: Problem, solution: Solution, run: int) -> Margin | None:
-    """Distance to one half-cycle more or less, None where the record ends in motion or nothing holds the mass."""
+    """Return the distance to one half-cycle more or less [m].
+
+    It is None if the record ends in motion or the law cannot hold the mass.
+    """
     count, machine = int(problem.residual.runs[run].half_cycles), solution.derived.machine
     if not machine.friction.set_valued or count >= NEVER or count < 1:
         return None
@@ -257,10 +278,11 @@ def rest_margin(problem: Problem, solution: Solution, run: int) -> Margin | None
 
 
 def excess_at_reversals(problem: Problem, solution: Solution, run: int) -> float | None:
-    """Least excess of the spring over static friction where a run that ends in motion moved on, over the stiffness [m].
+    """Return the least excess deflection over static friction at reversals [m].
 
-    Negative where the law would stop the mass inside the record; None where the record shows the stop, where nothing
-    holds the mass, or where the static coefficient is read off these very reversals.
+    It applies to a run that ends in motion, and is negative if the law would stop the mass inside the record. It is
+    None if the record shows the stop, if the law cannot hold the mass, or if the static coefficient is bracketed by
+    these reversals.
     """
     machine, ends_in_motion = solution.derived.machine, int(problem.residual.runs[run].half_cycles) >= NEVER
     if not (machine.friction.set_valued and ends_in_motion and problem.bracketed is None):
@@ -271,12 +293,15 @@ def excess_at_reversals(problem: Problem, solution: Solution, run: int) -> float
 
 
 def _starts_moving(problem: Problem, run: int) -> bool:
-    """Whether a run starts within a half-cycle, so that the first of its turning points is none."""
+    """Return True if a run starts in motion, between turning points."""
     return "v0" in problem.windows[run].nuisances or bool(problem.residual.runs[run].fixed["v0"] != 0)
 
 
 def bracket_static(problem: Problem, solution: Solution) -> Bracket | None:
-    """Interval of a Coulomb law's static coefficient: above every stop and the dynamic value, below every non-stop."""
+    """Return the interval of a Coulomb law's static coefficient.
+
+    It lies above all stops and the dynamic value, and below all reversals where the mass moved on.
+    """
     machine = solution.derived.machine
     if sole_coulomb(machine.friction) is None:
         return None

@@ -1,8 +1,7 @@
-"""From the plain data of a file back to the objects of a fit, each field checked against its annotation.
+"""Restore a fit from JSON data, checked against the type annotations.
 
-What may stand in a file is said once, by the annotations of the classes: a number where one is declared, a list of as
-many as are declared, an object with just the fields of its class. Everything else is refused by a sentence that names
-the field.
+The annotations of the classes define the valid content: a number, a list of the declared length, or an object with
+exactly the fields of its class. An error message names the field with any other content.
 """
 
 import dataclasses
@@ -36,22 +35,22 @@ MODULES: Mapping[str, type] = {
 }
 RECORDS: Mapping[str, type] = {cls.__name__: cls for cls in (Line, Margin, Measured, Noise, Run, Span, Whiteness)}
 _WORDS = {float: "a number", int: "a whole number", str: "a text", bool: "true or false", types.NoneType: "null"}
-# Integers beyond are no counts, and floating-point numbers do not tell them from one another.
+# Larger integers cannot be counts, and floating-point numbers cannot represent them all.
 _LARGEST_COUNT = 1 << 53
-# No fit has larger numbers, and the squares of these are numbers still; what is not finite is said to be so.
+# No fit contains larger numbers, and their squares are still finite. Values that are not finite are stored as text.
 _LARGEST = 1e150
 
 
 def restored(kind: Any, value: Any, place: str) -> Any:
-    """What a field declared as `kind` holds.
+    """Return the value of a field declared as `kind`.
 
     Args:
         kind: the annotation of the field.
-        value: what the file has for it.
-        place: where that stands, for the message: "runs[0].fixed".
+        value: content of the file for it.
+        place: path of the field for messages, such as "runs[0].fixed".
 
     Raises:
-        DataError: something else than is declared.
+        DataError: the value does not match the annotation.
     """
     if get_origin(kind) in (Union, types.UnionType):
         return _one_of(get_args(kind), value, place)
@@ -72,7 +71,7 @@ def restored(kind: Any, value: Any, place: str) -> Any:
             return _built(kind)(**fields)
         except UsageError as error:
             raise DataError(f"'{place[:200]}' is no {kind.__name__} ({str(error).rstrip('.')})") from error
-    # What is left are numbers whose shape only traced code declares: one, or an array.
+    # Other annotations are those of traced numbers, without a shape: one number or an array.
     return _array(value, place) if isinstance(value, list) else _number(value, place)
 
 
@@ -83,7 +82,7 @@ def _expect(fits: bool, value: Any, place: str, what: str) -> Any:
 
 
 def _one_of(kinds: tuple[Any, ...], value: Any, place: str) -> Any:
-    """The first of several kinds that fits; the refusal is that of the first."""
+    """Return the value as the first matching kind, or raise an error."""
     if value is None and types.NoneType in kinds:
         return None
     refusals = []
@@ -113,7 +112,7 @@ def _plain(kind: type, value: Any, place: str) -> Any:
 
 
 def _number(value: Any, place: str) -> float | int:
-    """A number; those that are not finite are written as texts."""
+    """Return a number; those that are not finite are stored as text."""
     if value in ("nan", "inf", "-inf"):
         return float(value)
     counted = isinstance(value, int) and not isinstance(value, bool) and abs(value) <= _LARGEST_COUNT
@@ -122,7 +121,7 @@ def _number(value: Any, place: str) -> float | int:
 
 
 def _array(value: Any, place: str) -> np.ndarray:
-    """Numbers in rows of one length, as float64."""
+    """Return rows of equal length as a float64 array."""
     if isinstance(value, list) and value and isinstance(value[0], list):
         rows = [_array(_expect(isinstance(row, list), row, place, "a list of rows"), place) for row in value]
         _expect(len({row.shape for row in rows}) == 1, value, place, "a list of rows of one length")
@@ -131,14 +130,14 @@ def _array(value: Any, place: str) -> np.ndarray:
 
 
 def _module(base: type, value: Any, place: str) -> Any:
-    """A law, a machine or an engine, by the name of its class."""
+    """Restore a law, an oscillator or an engine by its class name."""
     _expect(isinstance(value, dict), value, place, f"an object of the type {base.__name__.removeprefix('Abstract')}")
     name = value.get("type")
     cls = MODULES.get(name) if isinstance(name, str) else None
     if cls is None:
         raise DataError(
-            f"The fit holds a {str(name)[:80]}, which fricjax does not know: laws of your own cannot be loaded. Read "
-            "the file as plain JSON"
+            f"The fit holds a {str(name)[:80]}, which fricjax does not know: custom laws cannot be loaded. Read the "
+            "file as plain JSON"
         )
     _expect(issubclass(cls, base), name, f"{place}.type", f"a {base.__name__.removeprefix('Abstract')}")
     declared = {field.name: _annotations(cls)[field.name] for field in dataclasses.fields(cls)}
@@ -155,7 +154,7 @@ def _annotations(cls: type) -> dict[str, Any]:
 
 
 def _fields(cls: type, declared: Mapping[str, Any], value: Any, place: str) -> dict[str, Any]:
-    """The fields of an object, no more and no fewer than its class has."""
+    """Restore the fields of an object, exactly those of its class."""
     _expect(isinstance(value, dict), value, place, f"an object of the type {cls.__name__}")
     for name in value:
         if name not in declared and name != "type":
@@ -164,20 +163,20 @@ def _fields(cls: type, declared: Mapping[str, Any], value: Any, place: str) -> d
             )
     for name in declared:
         if name not in value:
-            raise DataError(f"'{place[:200]}' lacks its entry '{name}'")
+            raise DataError(f"'{place[:200]}' has no entry '{name}'")
     return {name: restored(kind, value[name], f"{place}.{name}") for name, kind in declared.items()}
 
 
 def _built(cls: type) -> Callable[..., Any]:
-    """What makes an object of its fields."""
+    """Return the function that builds an object from its fields."""
     if cls is friction_laws.Sum:
         return lambda laws: cls(laws)
     if not issubclass(cls, AbstractFriction | AbstractEngine | Run):
         return cls
     if issubclass(cls, AbstractFriction):
         return functools.partial(_law, cls)
-    # As arrays the numbers of a run and of an engine are traced, as they were in the fit, and a second prediction
-    # compiles nothing. What an engine counts is static.
+    # Numbers of a run and of an engine are arrays, hence traced as in the fit, so a second prediction does not compile.
+    # Counts of an engine are static.
     kinds = float | int | np.ndarray if cls is Run else float
     return lambda **fields: cls(
         **jax.tree.map(lambda leaf: jnp.asarray(leaf) if isinstance(leaf, kinds) else leaf, fields)
@@ -185,7 +184,7 @@ def _built(cls: type) -> Callable[..., Any]:
 
 
 def _law(cls: type[AbstractFriction], **fields: Any) -> AbstractFriction:
-    """A law with these coefficients, unchecked: a fit may end where its user would not be let begin."""
+    """Build a law without checks, which fitted values may violate."""
     law = object.__new__(cls)
     for field in dataclasses.fields(cls):
         value = fields[field.name]

@@ -1,4 +1,4 @@
-"""The result of a fit: values with honest uncertainties, and everything one needs to judge them."""
+"""The result of a fit: values, uncertainties, and diagnostics."""
 
 import dataclasses
 import os
@@ -27,7 +27,9 @@ from .window import NEVER
 
 
 class FitError(RuntimeError):
-    """A fit without an optimum, or with one that leaves parameters undetermined; as far as it came it is in `fit`.
+    """A fit without an optimum, or with undetermined parameters.
+
+    The incomplete result is in the attribute `fit`.
 
     Examples:
         >>> import fricjax as fj
@@ -48,50 +50,51 @@ class Fit(Reported):
     """A fitted oscillator.
 
     Attributes:
-        names: free parameters in the order of the covariance; those of a run carry its number in a joint fit, "x0[2]".
-        values, std_errors, combined_std_errors: by name, in SI units. The standard errors come from the noise of the
-            record, with the memory, hum, drift and jitter that it shows; the combined ones add the uncertainties of the
+        names: free parameters in the order of the covariance; in a joint fit those of a run have its number, "x0[2]".
+        values, std_errors, combined_std_errors: by name, in SI units. Standard errors follow from the noise of the
+            record, including its correlation, hum, drift and jitter; the combined ones add the uncertainties of the
             rig's inputs to first order.
-        white_std_errors: what the standard errors would be if the noise were white, of the size stated.
-        intervals: 95 % intervals from the statistical standard errors, and for the static coefficient of a Coulomb law
-            the interval between stops and non-stops. Where these contradict each other it is the range over which
-            static friction differs from stop to stop, a flag and a warning say so, and its value is NaN.
-        covariance, combined_covariance: shape (p, p); inf where a parameter is undetermined or at a bound.
-        units, flags: by name; flags are sentences such as "at bound".
-        converged: whether an optimum was found that is finite and of full rank, with no parameter at a bound, and the
-            model describes the record: the residuals of no run are larger than ten times its noise
-            (`fricjax.thresholds.DESCRIBED`), as stated or as seen in the record.
+        white_std_errors: standard errors for white noise of the stated level.
+        intervals: 95 % intervals from the statistical standard errors. For the static coefficient of a Coulomb law, the
+            interval between stops and non-stops; if these contradict each other it is the range over which static
+            friction varies, with a flag and a warning, and the value is NaN.
+        covariance, combined_covariance: shape (p, p); inf for a parameter that is undetermined or at a bound.
+        units, flags: by name; flags are remarks such as "at bound".
+        converged: True if the optimum is finite and of full rank, no parameter is at a bound, and the model describes
+            the record: residuals of each run are at most ten times its noise (`fricjax.thresholds.DESCRIBED`), stated
+            or seen in the record.
         status: the outcome in words, its name before the colon: "converged", "does not describe the record", "at a
             bound", "undetermined", "out of steps", "stalled" or "not finite".
-        warnings: what a reader of the numbers must know, in sentences.
-        kinematics: natural frequency, damping ratio, dead band and losses per unit mass, which need no rig; where one
-            is given, with the uncertainties of its inputs.
-        inputs: the uncertain inputs of the rig that was given, by name.
-        contributions: by name, of parameters and kinematics: how much one standard uncertainty of each input of the rig
-            changes the value. A periodic nonlinearity has two, as a cosine and as a sine of the reading.
+        warnings: warnings in sentences.
+        kinematics: natural frequency, damping ratio, dead band and losses per unit mass, which need no rig; with a rig,
+            the uncertainties include its inputs.
+        inputs: the uncertain inputs of the rig by name.
+        contributions: by name of a parameter or kinematic quantity: its change per standard uncertainty of each input
+            of the rig. A periodic nonlinearity has two, for a cosine and a sine of the reading.
         chi2, dof, chi2_reduced: sum of squared weighted residuals, degrees of freedom, and their ratio.
-        residuals: measured minus model in the unit of the record, NaN where not fitted; a tuple of arrays in a joint
-            fit.
+        residuals: measured minus model in the unit of the record, NaN where not fitted; a tuple of arrays in a
+            joint fit.
         residual_rms: root mean square of the fitted ones.
-        sigma, sigma_mode, sigma_source: median noise used, how it was used, and where it came from.
-        noise: name of the noise model that was asked for, "auto" for what the record shows.
-        noises: the noise of each run as its residuals show it, and as the standard errors count it; drift and hum are
-            in `residuals` and not in what `predict` tells.
+        sigma, sigma_mode, sigma_source: median noise used, how it was used, and its source.
+        noise: name of the requested noise model; "auto" selects it from the record.
+        noises: noise of each run as its residuals show it, and as the standard errors include it. Drift and hum are in
+            `residuals` but not in the output of `predict`.
         whiteness: autocorrelation of the residuals.
-        margins: for each run the distance to one half-cycle more or less, None where it ends in motion.
-        half_cycles: for each run the number of half-cycles from the start of the fit to the stop, None in motion.
-        iterations, passes, stages: steps of Levenberg-Marquardt, each a pass over model and Jacobian; passes over the
-            model in all; and stages of growing windows.
-        numerical_shift: how far numerical errors can have moved any parameter, in its standard errors: the step that a
-            solution of all samples on another mesh would still make.
+        margins: for each run the distance to one half-cycle more or less; None if it ends in motion.
+        half_cycles: for each run the number of half-cycles from the start of the fit to the stop; None if it ends in
+            motion.
+        iterations, passes, stages: steps of Levenberg-Marquardt, each with one evaluation of model and Jacobian;
+            evaluations in total; and stages of growing windows.
+        numerical_shift: largest change of a parameter by numerical errors, in standard errors: the remaining step when
+            all samples are evaluated on another mesh.
         engine: name of the engine.
         aicc, bic: information criteria.
         oscillator: the fitted oscillator.
         quantity: "m", or "rad" for a rotary rig.
-        sources: name of the file of each run, empty where it has none.
+        sources: file name of each run; empty if unknown.
         times: times of the samples [s], one array per run.
-        runs, origins: what `predict` needs.
-        problem: what was solved, with the records and the settings; None in a fit that was read from a file.
+        runs, origins: data for `predict`.
+        problem: the solved problem, with records and settings; None in a fit that was read from a file.
 
     Examples:
         >>> import fricjax as fj
@@ -148,17 +151,20 @@ class Fit(Reported):
 
     @property
     def optimum_found(self) -> bool:
-        """Whether an optimum of full rank was found, also where the model misses the record or a bound holds it."""
+        """True for an optimum of full rank.
+
+        It may still miss the record or be at a bound.
+        """
         return optimum_found(self.status)
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """What the report calls each run: the name of its file, or its number."""
+        """Name of each run in the report: file name or number."""
         return labels(self.sources)
 
     @property
     def residuals_by_run(self) -> tuple[np.ndarray, ...]:
-        """The residuals of each run, in a tuple for one run too, as `times` and `runs` are."""
+        """The residuals of each run, always as a tuple."""
         return self.residuals if isinstance(self.residuals, tuple) else (self.residuals,)
 
     @property
@@ -172,10 +178,11 @@ class Fit(Reported):
         return correlation(self.covariance)
 
     def predict(self, ts: Any, run: int = 0) -> np.ndarray:
-        """What the instrument would read at times `ts` of the record [s], with offset and drift, shape (n,).
+        """Predict the reading of the instrument at given times.
 
-        Times before the start of the fitted motion are extrapolated. Behind the last fitted sample of a record that
-        ends in motion the mass goes on from its state there until the law of `oscillator` stops it.
+        The times `ts` are those of the record [s]. The result includes offset and drift; its shape is (n,). Times
+        before the start of the fitted motion are extrapolated. If the record ends in motion, the mass moves on after
+        the last fitted sample until the law of `oscillator` stops it.
 
         Raises:
             UsageError: no such run.
@@ -186,7 +193,7 @@ class Fit(Reported):
         parameters["t_release"] = parameters["t_release"] - self.origins[run]
         order = np.argsort(asked)
         t, end = asked[order], float(np.max(np.asarray(data.t)))
-        # Laws with internal states are integrated in time, which knows no number of half-cycles.
+        # Laws with internal states are integrated in time, without a fixed number of half-cycles.
         goes_on = int(data.half_cycles) >= NEVER and not self.oscillator.friction.n_states
         late = (t > end) & goes_on
         times = np.append(np.where(late, end, t), end) if late.any() else t
@@ -199,7 +206,7 @@ class Fit(Reported):
         return read
 
     def _continued(self, x0: float, v0: float, after: np.ndarray) -> np.ndarray:
-        """Displacement at times `after` a state, stopped by the law."""
+        """Return displacements at times `after` a state, until the law stops it."""
         times, order = np.unique(after, return_inverse=True)
         return np.asarray(simulate(self.oscillator, x0, times, v0=v0).x)[order]
 
@@ -208,7 +215,7 @@ class Fit(Reported):
             raise UsageError(f"There is no run {run}: this fit has {len(self.runs)}, counted from 0.")
 
     def run_parameter(self, name: str, run: int = 0) -> float:
-        """Value of a parameter of one run, free or fixed, in the record's time."""
+        """Return a parameter of one run, free or fixed, in record time."""
         for key in (name, f"{name}[{run}]"):
             if key in self.values:
                 return self.values[key]
@@ -216,7 +223,7 @@ class Fit(Reported):
         return fixed + self.origins[run] if name == "t_release" else fixed
 
     def report(self) -> Report:
-        """Parameters and kinematics with their uncertainties, what the fit rests on, and warnings."""
+        """Report parameters, kinematics, facts about the fit, and warnings."""
         return report_of(self)
 
     def thumbnails(self) -> Sequence[str]:
@@ -227,10 +234,10 @@ class Fit(Reported):
         return f"Fit({shown}; {self.status})"
 
     def plot(self, run: int = 0, *, style: Style = "screen") -> Any:
-        """Measured and computed trace with residuals, as a matplotlib figure.
+        """Plot measured and computed trace with residuals; return a matplotlib figure.
 
         Args:
-            run: which run of a joint fit.
+            run: number of the run in a joint fit.
             style: as of :func:`fricjax.show.styled`.
 
         Raises:
@@ -240,65 +247,73 @@ class Fit(Reported):
         return styled(plot(self, run), style)
 
     def interactive(self, run: int = 0) -> Sliders:
-        """Sliders for the coefficients and the begin of the motion, with the model over the record, for a notebook.
+        """Show sliders for the coefficients with the model over the record.
 
-        Their values are in its `guess`, to pass to another fit as start values.
+        They are for a notebook. Their values are in `guess` of the returned object, to pass to another fit as start
+        values.
 
         Args:
-            run: which run of a joint fit.
+            run: number of the run in a joint fit.
 
         Raises:
-            UsageError: no such run, or ipywidgets is not installed; the sentence says how to.
+            UsageError: no such run, or ipywidgets is not installed.
         """
         self._check_run(run)
         return Sliders(self, run)
 
     def to_dataframe(self) -> Any:
-        """A pandas table of numbers: a row for each parameter, and below them for each quantity of the kinematics.
+        """Return a pandas table with one row per parameter and kinematic quantity.
 
         Its columns are `value`, `std`, `combined_std`, `low` and `high` (95 %), `unit` and `remarks`.
         """
         return interchange.to_dataframe(self)
 
     def to_xarray(self) -> Any:
-        """A data set of xarray: values and covariances, and the samples of each run with model and residuals.
+        """Return an xarray data set of values, covariances and samples.
+
+        Each run has its samples, the model and the residuals.
 
         Raises:
-            UsageError: xarray is not installed; the sentence says how to.
+            UsageError: xarray is not installed.
         """
         return interchange.to_xarray(self)
 
     def to_uncertainties(self) -> dict[str, Any]:
-        """The values by name as numbers of the package uncertainties, correlated by the combined covariance.
+        """Return the values by name as numbers of the package uncertainties.
+
+        They are correlated by the combined covariance.
 
         Raises:
-            UsageError: the package is not installed; the sentence says how to.
+            UsageError: the package is not installed.
         """
         return interchange.to_uncertainties(self)
 
     def to_lmfit(self) -> Any:
-        """Parameters of lmfit: values with statistical errors, correlations and bounds, and the machine as fixed ones.
+        """Convert the fit to lmfit Parameters.
 
-        Names that lmfit does not take are written with underscores: ``friction.0.mu`` as ``friction_0_mu``. `fit` takes
-        them back in place of `free`.
+        They contain values with statistical errors, correlations and bounds, and the other coefficients of the machine
+        as fixed parameters. Names that lmfit does not accept are written with underscores: ``friction.0.mu`` as
+        ``friction_0_mu``. `fit` accepts the result as `free`.
 
         Raises:
-            UsageError: lmfit is not installed; the sentence says how to.
+            UsageError: lmfit is not installed.
         """
         return interchange.to_lmfit(self)
 
     def to_dict(self) -> dict[str, Any]:
-        """The fit as plain data, without the samples."""
+        """Return the fit as plain data, without the samples."""
         from .store import to_dict
 
         return to_dict(self)
 
     def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
-        """Write the fit with its samples to a JSON file, whole or not at all.
+        """Write the fit with its samples to a JSON file.
+
+        The file is replaced completely or not at all.
 
         Raises:
-            FileExistsError: there is such a file, and `overwrite` is not given.
-            OSError: the file cannot be written, as on a full disk; what was there is as it was.
+            FileExistsError: the file exists and `overwrite` is False.
+            OSError: the file cannot be written, for example on a full disk; an existing file is unchanged.
         """
         from .store import save
 
@@ -309,7 +324,7 @@ def load_fit(path: str | os.PathLike[str]) -> Fit:
     """Read a fit that :meth:`Fit.save` wrote.
 
     Raises:
-        DataError: no such file, or one that does not hold a fit of this schema; the sentence names the field.
+        DataError: no such file, or no fit of this schema; the message names the field.
 
     Examples:
         >>> import fricjax as fj
@@ -325,5 +340,5 @@ def load_fit(path: str | os.PathLike[str]) -> Fit:
 
 
 def named(names: tuple[str, ...], values: Any) -> dict[str, float]:
-    """Values by name."""
+    """Return values by name."""
     return dict(zip(names, (float(v) for v in values), strict=True))

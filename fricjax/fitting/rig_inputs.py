@@ -1,6 +1,6 @@
-"""What the uncertain inputs of a rig change in the machine and in the reading of its instrument.
+"""Effect of the uncertain rig inputs on machine and reading.
 
-And whether the numbers of the machine can be those of the record at all.
+It also checks that the record's frequency is consistent with the machine.
 """
 
 import math
@@ -17,18 +17,18 @@ from ..oscillator.oscillator import leaves_of
 from ..rig import Measured, Rig
 from .residual import ERRORS
 
-# Of record and machine the ratio of natural frequencies, squared, beyond which a number of the machine is a mistake. A
-# start value may be wrong by some factor, and damping or a nonlinear spring shift a frequency by less than two.
+# Largest plausible ratio of the squared natural frequencies of record and machine. A start value may be wrong by some
+# factor; damping or a nonlinear spring change a frequency by less than a factor two.
 _CONTRADICTED = 10.0
-# By the power of ten of this ratio the mistake of units that makes it; within half a power it is named.
+# Typical mistake of units by the power of ten of this ratio, for ratios within half a power.
 _MISTAKES = {
-    3: "A mass in g that is given as if in kg does this, and a stiffness in N/mm as if in N/m.",
-    -3: "A stiffness in N/m that is given as if in N/mm does this.",
-    6: "Times in s that are read as ms do this.",
-    -6: "Times in ms that are read as s do this.",
+    3: "Typical cause: a mass in g entered as kg, or a stiffness in N/mm entered as N/m.",
+    -3: "Typical cause: a stiffness in N/m entered as N/mm.",
+    6: "Typical cause: times in s read as ms.",
+    -6: "Typical cause: times in ms read as s.",
 }
 
-# The errors of a reading that an input of the rig stands for; of a periodic one the phase is not known.
+# Errors of a reading for each rig input; a periodic one has an unknown phase, hence two components.
 _OF_READING = {
     "displacement_scale": ("displacement_scale",),
     "time_scale": ("time_scale",),
@@ -40,10 +40,10 @@ class RigInputs(NamedTuple):
     """The uncertain inputs of a rig.
 
     Attributes:
-        measured: the inputs by name; a periodic nonlinearity is two, for its phase is not known.
-        changes: change of each leaf of the machine for one standard uncertainty of each input; behind the leaves, where
-            `period` is not None, of each error of the reading.
-        period: of a periodic error [m], inf without one; None where the reading has no uncertain errors at all.
+        measured: the inputs by name; a periodic nonlinearity has two entries, because its phase is unknown.
+        changes: change of each leaf of the machine per standard uncertainty of each input. If `period` is not None,
+            changes of each error of the reading follow.
+        period: period of a periodic error [m], inf without one; None without uncertain errors of the reading.
     """
 
     measured: dict[str, Measured]
@@ -52,11 +52,11 @@ class RigInputs(NamedTuple):
 
 
 def rig_inputs(rig: Rig | None, oscillator: Oscillator, free: set[int]) -> RigInputs:
-    """The uncertain inputs of a rig.
+    """Collect the uncertain inputs of a rig.
 
     Args:
-        rig: the rig, or None for none.
-        oscillator: the machine that is fitted.
+        rig: the rig, or None.
+        oscillator: the fitted machine.
         free: leaves that are fitted, and may differ from the rig's.
 
     Raises:
@@ -81,7 +81,7 @@ def rig_inputs(rig: Rig | None, oscillator: Oscillator, free: set[int]) -> RigIn
 
 
 def _of_machine(rig: Rig, name: str, oscillator: Oscillator, free: set[int]) -> Float[np.ndarray, " leaves"]:
-    """Change of each leaf of the machine for one standard uncertainty of an input."""
+    """Return the change of each leaf per standard uncertainty of an input."""
     measured = rig.inputs()[name]
 
     def machine(b: Array) -> Oscillator:
@@ -98,7 +98,7 @@ def _of_machine(rig: Rig, name: str, oscillator: Oscillator, free: set[int]) -> 
 
 
 def _check_same(made: Oscillator, oscillator: Oscillator, free: set[int]) -> None:
-    """Refuse a rig whose numbers are not those of the oscillator, where these are not fitted."""
+    """Refuse a rig with other fixed values than the oscillator."""
     for leaf, ours, theirs in zip(leaves_of(oscillator), *map(jax.tree.leaves, (oscillator, made)), strict=True):
         if leaf.index not in free and not np.isclose(float(ours), float(theirs), rtol=1e-9, atol=0):
             raise UsageError(
@@ -108,26 +108,26 @@ def _check_same(made: Oscillator, oscillator: Oscillator, free: set[int]) -> Non
 
 
 def contradiction(oscillator: Oscillator, half_period: float) -> tuple[str, ...]:
-    """A sentence where the record swings at a frequency that the machine cannot have; else nothing.
+    """Return a warning if the record's frequency contradicts the machine.
 
     Args:
         oscillator: the machine at its start values.
-        half_period: of the record [s].
+        half_period: half-period of the record [s].
     """
-    # A unit mass stands for an unknown one, and a unit stiffness for one that the record is to tell.
+    # A unit mass or stiffness means that it is unknown.
     if 1.0 in (float(oscillator.mass), float(oscillator.stiffness)):
         return ()
-    # By numbers of the host: an operation of JAX is a program of its own, which a first fit would wait for.
+    # Numpy-free host arithmetic: a JAX operation would compile a program in a first fit.
     machine = math.sqrt(float(oscillator.stiffness) / float(oscillator.mass)) / (2 * math.pi)
     record = 0.5 / half_period
     ratio = (record / machine) ** 2
-    # A contact that holds the mass may be far stiffer than the spring, and the mass then rings on it.
+    # A contact may be far stiffer than the spring; the mass then oscillates on it.
     rings = bool(oscillator.friction.n_states) and ratio > 1
     if rings or not machine > 0 or 1 / _CONTRADICTED < ratio < _CONTRADICTED:
         return ()
     power = math.log10(ratio)
     mistake = next((text for at, text in _MISTAKES.items() if abs(power - at) < 0.5), "Is one of them in another unit?")
     return (
-        f"By its stiffness and mass the machine swings at {machine:.4g} Hz, but the record at {record:.4g} Hz: check "
-        f"stiffness and mass, from which damping and friction follow, and the unit of the time. {mistake}",
+        f"Stiffness and mass give a natural frequency of {machine:.4g} Hz, but the record oscillates at {record:.4g} "
+        f"Hz: check stiffness and mass, from which damping and friction follow, and the unit of the time. {mistake}",
     )

@@ -1,4 +1,7 @@
-"""What a fit leaves of each run, in rows of neighbouring samples: few enough to be quick, short against the motion."""
+"""Residuals of each run, averaged in rows of consecutive samples.
+
+Rows are few enough for fast computation and short against the motion.
+"""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -11,28 +14,28 @@ from .evaluation import Block, Evaluation, block_length
 from .problem import Problem
 from .window import Window
 
-# Rows in a half-cycle, and the part of its samples that a row must have.
+# Rows in a half-cycle, and the fraction of its samples that a row must have.
 _ROWS, _FULL = 40.0, 0.5
-# Harmonics by which the error of rounding is described. The first four hold five sixths of its power, and what is left
-# comes and goes within an eighth of a step.
+# Harmonics that describe the error of rounding. The first four contain five sixths of its power; the rest varies within
+# an eighth of a step.
 _HARMONICS = 4
-# Noise, rounding included, over the step from which on no rounding shows: half a step beside the error of rounding
-# itself. Derived: of the first harmonic, exp(-pi^2 / 2) is left, a part in 140.
+# Noise over the step, rounding included, above which rounding does not show: half a step plus the error of rounding.
+# Derived: the first harmonic is then reduced to exp(-pi^2 / 2), a part in 140.
 _WIPED_OUT = (1 / 4 + 1 / 12) ** 0.5
 
 
 class Rows(NamedTuple):
-    """The residuals of a run in rows.
+    """Residuals of a run in rows.
 
     Attributes:
-        series: in units in which white noise of the size stated has variance one.
+        series: residuals in units in which white noise of the stated level has variance one.
         level: variance of a row if the samples of its run were independent.
         samples: number of samples in a row.
-        interval: of the samples [s].
-        t, left, weight: time [s], weighted residual and weight of each sample, the last two zero where it is not used,
-            shape (n,); where no residual is left of the samples `left` is empty.
+        interval: sampling interval [s].
+        t, left, weight: time [s], weighted residual and weight of each sample, the last two zero for unused samples,
+            shape (n,). `left` is empty if residuals of samples were not kept.
         rough: variance of the white noise in each row, shape (rows,).
-        moved: mean square of what the reading moves from sample to sample in each row, shape (rows,).
+        moved: mean squared change of the reading between samples in each row, shape (rows,).
     """
 
     series: Series
@@ -47,14 +50,17 @@ class Rows(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """The rows of a run and the colour of their noise."""
+    """Rows of a run and their noise model."""
 
     rows: Rows
     colour: Colour
 
 
 def rows_of(problem: Problem, evaluation: Evaluation, seen: Sequence[Seen] = ()) -> list[Rows]:
-    """The rows of each run, with what was `seen` of its noise where the fit was before, if anything was."""
+    """Return the rows of each run.
+
+    `seen` contains those of the previous step with their noise models.
+    """
     return [
         run_in_rows(problem, evaluation, run, before=seen[run] if seen else None) for run in range(len(problem.windows))
     ]
@@ -63,16 +69,19 @@ def rows_of(problem: Problem, evaluation: Evaluation, seen: Sequence[Seen] = ())
 def run_in_rows(
     problem: Problem, evaluation: Evaluation, run: int, samples: int | None = None, before: Seen | None = None
 ) -> Rows:
-    """A run in rows, of so many samples each, or as many as its motion asks for."""
+    """Return a run in rows of `samples` samples each.
+
+    The default gives a fixed number of rows per half-cycle.
+    """
     window, record, blocks = problem.windows[run], problem.residual.runs[run], evaluation.blocks[run]
     length, used = block_length(record.t.size), np.flatnonzero(window.used)
     interval = float(record.t[used[-1]] - record.t[used[0]]) / (used[-1] - used[0])
     wanted = samples or window.segmentation.half_period / interval / _ROWS
     each = max(round(wanted / length), 1)
-    # Behind the last sample there is only filling.
+    # Behind the last sample there is only padding.
     samples, begins = each * length, np.arange(0, used[-1] // length + 1, each)
     end = min((begins[-1] + each) * length, record.t.size)
-    # The filling behind the last sample makes up for what the last row lacks.
+    # Padding behind the last sample completes the last row.
     filled_up = np.zeros((begins.size * each, blocks.shape[1]))
     filled_up[: end // length] = blocks[: end // length]
     sums = filled_up.reshape(begins.size, each, -1).sum(axis=1)
@@ -104,7 +113,10 @@ def run_in_rows(
 
 
 def rounded(window: Window) -> bool:
-    """Whether the rounding of a record shows, which white noise of half a step wipes out."""
+    """Return True if the rounding of a record shows.
+
+    White noise of half a step hides it.
+    """
     segmentation = window.segmentation
     return 0 < segmentation.white_noise <= segmentation.resolution / 2
 
@@ -112,13 +124,13 @@ def rounded(window: Window) -> bool:
 def _rounding(
     problem: Problem, evaluation: Evaluation, run: int, begins: np.ndarray, before: Seen | None
 ) -> np.ndarray:
-    """Weighted sums, over the samples of each row, of what rounding makes of the computed reading; shape (rows, k).
+    """Return weighted row sums of the rounding error, shape (rows, k).
 
-    The error of rounding to steps q is a function of the reading alone, ``q/pi sum_k (-1)^k/k sin(2 pi k x/q)``
-    (Widrow and Kollar, Quantization Noise, 2008, 3). Where none shows, or no residual is left of the samples, k is 0.
-    So it is where the computed reading, with the drift and the hum that were seen before, misses that of the record by
-    more than half a step: slow noise and a drift wipe rounding out as white noise does, and waves of another phase
-    would be functions anew at each step of the fit.
+    The error of rounding to steps q is a function of the reading alone, ``q/pi sum_k (-1)^k/k sin(2 pi k x/q)`` (Widrow
+    and Kollar, Quantization Noise, 2008, 3). The columns are its first harmonics for the computed reading. k is 0 if
+    rounding does not show or residuals of samples were not kept. It is also 0 if the computed reading, with drift and
+    hum of the previous step, differs from the record by more than half a step: slow noise hides rounding as white noise
+    does, and the phase of the harmonics would change at each step of the fit.
     """
     window, weight = problem.windows[run], np.asarray(problem.residual.runs[run].weight)
     none = np.zeros((begins.size, 0))

@@ -1,4 +1,4 @@
-"""A record as the residual sees it: whole, condensed, and with what its windows need to know."""
+"""Runs for the residual: all samples, condensed samples, and stage weights."""
 
 from typing import Any
 
@@ -12,31 +12,31 @@ from .residual import Run, filled
 from .stages import StageWeights
 from .window import NEVER, Window, equilibrium
 
-# How many times longer than the shortest the longest run of a joint fit may be for them to be filled to one length.
+# Largest ratio of run lengths in a joint fit for padding to one length.
 _UNLIKE = 4
-# A motion is in phase with its record where it is nearer than half the swing there, or half of the largest swing where
-# little is left of it: farther away least squares may lead to the valley of the next cycle. No stage is shorter than
-# four half-periods, from which frequency, friction and damping follow.
+# A motion is in phase with its record if it is nearer than half the amplitude there, or than half of the largest
+# amplitude if little is left: farther away least squares may lead to the valley of the next cycle. The shortest stage
+# has four half-periods, which determine frequency, friction and damping.
 IN_PHASE, _SMALLEST, _SHORTEST = 0.5, 0.5, 4.0
-# Fewest samples, those up to which sizes are powers, and the factor between them: each size is compiled for itself, and
-# only chunks that hold a sample are gone through.
+# Least padded size, largest size that is a power, and the factor between sizes. Each size is compiled separately;
+# chunks without samples are skipped.
 _POWERS = 1 << 18
 _WHOLE = (4096, _POWERS, 4)
-# Velocities of the law's own scale and deflections of its bristles after which its force is that of sliding: e^-10 of
-# a Tanh and e^-20 of a bristle are left, below the noise of any record.
+# Velocities in scales of the law, and sliding distances in bristle deflections, after which the force is that of
+# sliding: e^-10 remain of a Tanh and e^-20 of a bristle, below the noise of any record.
 _LAYERS, _RELAXATIONS = 10.0, 20.0
-# What is not known of the instant of a reversal, as a part of a half-period and in samples.
+# Uncertainty of the time of a reversal, as a part of a half-period and in samples.
 _SHARE, _SAMPLES = 1e-3, 2.5
-# Twelve standard errors of the slope of a straight line: four of that beside curvatures of either side. Where the noise
-# hides a reversal, the clock of the decay still has it to a part of a half-period.
+# Twelve standard errors of the slope of a straight line; four if curvatures on both sides are included. If noise hides
+# a reversal, the period of the decay still gives its time to a part of a half-period.
 _ERRORS, _LOST = 12.0, 0.25
-# Part of the noise that a polynomial may miss of a large swing, and pieces of a half-cycle that always do: from a
+# Allowed error of a polynomial in units of the noise, and pieces of a half-cycle that always suffice, from a
 # milliradian below the top with a noise of a nanoradian.
 _MISSED, _PIECES = 0.1, 16
 
 
 def full_run(window: Window, stops: bool) -> Run:
-    """The run with all samples of its record; `stops` tells whether the law can hold the mass."""
+    """Return the run with all samples; `stops` if the law can hold."""
     used = np.flatnonzero(window.used)
     t = np.asarray(window.trace.t) - window.origin
     samples = np.clip(t, t[used[0]], t[used[-1]]), np.asarray(window.trace.x)
@@ -48,10 +48,10 @@ def full_run(window: Window, stops: bool) -> Run:
 
 
 def condensed_run(window: Window, run: Run, oscillator: Oscillator) -> Run:
-    """The run with few samples that say the same.
+    """Return the run with few samples that have the same normal equations.
 
-    It has as many places as the whole one, so that both share a program, but for a record of a million samples, whose
-    copies would cost more than the program.
+    It is padded to the size of the full run, so that both share a program. Records of a million samples are not,
+    because copies would cost more than another program.
     """
     few = condensation(window, run, oscillator)
     places = max(min(run.t.size, _POWERS), filled(few.t.size, *_WHOLE))
@@ -59,7 +59,7 @@ def condensed_run(window: Window, run: Run, oscillator: Oscillator) -> Run:
 
 
 def of_one_length(runs: tuple[Run, ...]) -> tuple[Run, ...]:
-    """Runs of a joint fit with samples without weight added, as many as the longest has, where few are missing."""
+    """Pad the runs of a joint fit to one length, if similar."""
     sizes = [run.t.size for run in runs]
     if len(set(sizes)) == 1 or max(sizes) > _UNLIKE * min(sizes):
         return runs
@@ -71,19 +71,19 @@ def _with_samples(run: Run, n: int, t: np.ndarray, x: np.ndarray, weight: np.nda
 
 
 def _up_to(n: int, t: np.ndarray, x: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Samples without weight added at the end, so that records of other lengths share one compilation."""
+    """Pad samples with zero weight, so that records share a compilation."""
     return longer(t, n, t[-1]), longer(x, n, x[-1]), longer(weight, n)
 
 
 def longer(values: np.ndarray, n: int, end: Any = 0.0) -> np.ndarray:
-    """Values with as many added behind them as make `n`."""
+    """Pad values at the end to size `n`."""
     filled = np.full(n, end)
     filled[: values.size] = values
     return filled
 
 
 def stage_weights_of(window: Window, run: Run) -> StageWeights:
-    """Weights of a run without its rest, and how far from the record its motion may be to count as in phase."""
+    """Return weights without the rest, and tolerances for the phase."""
     segmentation, t, moving = window.segmentation, np.asarray(run.t), _without_rest(window, run)
     local = np.full(t.shape, segmentation.amplitude)
     if segmentation.turning_times.size:
@@ -96,7 +96,7 @@ def stage_weights_of(window: Window, run: Run) -> StageWeights:
 
 
 def full_stage(window: Window, run: Run) -> StageWeights:
-    """The stage_weights of a run that is looked at as a whole."""
+    """Return the weights of a run that is evaluated as a whole."""
     return StageWeights(_without_rest(window, run), np.full(run.weight.shape, np.inf), np.zeros(()))
 
 
@@ -105,12 +105,12 @@ def _without_rest(window: Window, run: Run) -> np.ndarray:
 
 
 def condensation(window: Window, run: Run, oscillator: Oscillator) -> Condensation:
-    """Which few samples stand for the used ones of a run, between its reversals.
+    """Select few samples that represent the used ones, between reversals.
 
-    Around the start and each reversal samples are kept as long as the law's force still changes: until the velocity
-    has passed its own scale ten times, and the sliding distance the deflection of the bristles twenty times. Beyond
-    that, what is not yet smooth has decayed to e^-20. Instants are known to a few samples, to a thousandth of a
-    half-period, or to what the noise leaves of them.
+    Around the start and each reversal samples are kept while the force of the law still changes: until the velocity is
+    ten times its scale, and the sliding distance is twenty times the deflection of the bristles. Beyond that, all
+    transients have decayed to e^-20. Times of reversals are known to a few samples, a thousandth of a half-period, or
+    the limit set by the noise.
     """
     times, deflections = _points_at_rest(window)
     margins = _known_to(window, deflections) + _settling(window, oscillator, deflections)
@@ -121,11 +121,11 @@ def condensation(window: Window, run: Run, oscillator: Oscillator) -> Condensati
 
 
 def _cuts(window: Window, oscillator: Oscillator, times: np.ndarray, deflections: np.ndarray) -> np.ndarray:
-    """Instants within the half-cycles of a pendulum between which a polynomial describes them [s].
+    """Return times that divide half-cycles of a pendulum for polynomials [s].
 
-    Near the top it hangs long and falls fast. In time its motion has poles at i K'/omega from the middle of half-cycles
-    of half the duration K/omega, so that over the n-th part of one a polynomial of degree d misses ``(a + sqrt(1 +
-    a^2))^-d`` with ``a = n K'/K`` (Bernstein's ellipse).
+    Near the top a pendulum moves slowly for long, and then fast. Its motion has poles at i K'/omega from the middle of
+    half-cycles with half the duration K/omega. So over the n-th part of a half-cycle the error of a polynomial of
+    degree d is ``(a + sqrt(1 + a^2))^-d`` with ``a = n K'/K`` (Bernstein's ellipse).
     """
     spring = oscillator.restoring
     if not isinstance(spring, Pendulum) or times.size < 2:
@@ -142,9 +142,10 @@ def _cuts(window: Window, oscillator: Oscillator, times: np.ndarray, deflections
 
 
 def _points_at_rest(window: Window) -> tuple[np.ndarray, np.ndarray]:
-    """Instants of the start, the reversals and the stop [s], and the deflection that drives the mass there [m].
+    """Return times of start, reversals and stop [s], and the deflections [m].
 
-    A record that ends in motion may end just behind a reversal that cannot be separated from a stop: the clock has it.
+    The deflections accelerate the mass there. A record that ends in motion may end shortly after a reversal that cannot
+    be separated from a stop; its time follows from the period.
     """
     segmentation = window.segmentation
     swings = np.abs(segmentation.turning_points - equilibrium(segmentation))
@@ -153,12 +154,15 @@ def _points_at_rest(window: Window) -> tuple[np.ndarray, np.ndarray]:
     deflections = np.concatenate([[abs(window.guesses["x0"])], swings[later]])
     lasts = times[-1] - times[-2] if times.size > 1 else segmentation.half_period
     last = times[-1] + lasts if segmentation.rest is None else segmentation.rest
-    # The mass comes to the stop with the deflection of the reversal before it.
+    # At the stop the deflection is that of the reversal before it.
     return np.append(times, last), np.append(deflections, deflections[-1])
 
 
 def _known_to(window: Window, deflections: np.ndarray) -> np.ndarray:
-    """How far the instant of each reversal may be off [s]: by the sampling, and by the noise about a curved extreme."""
+    """Return the uncertainty of the time of each reversal [s].
+
+    It follows from the sampling, and from the noise at a curved extreme.
+    """
     segmentation, t = window.segmentation, np.asarray(window.trace.t)
     interval, half = float((t[-1] - t[0]) / (t.size - 1)), segmentation.half_period
     by_sampling = max(_SAMPLES * interval, _SHARE * half)
@@ -172,7 +176,7 @@ def _known_to(window: Window, deflections: np.ndarray) -> np.ndarray:
 
 
 def _settling(window: Window, oscillator: Oscillator, deflections: np.ndarray) -> np.ndarray:
-    """Time that the law needs to settle after a reversal [s]."""
+    """Return the time that the law needs to settle after reversals [s]."""
     segmentation, law = window.segmentation, oscillator.friction
     acceleration = np.maximum(deflections, 1e-3 * segmentation.amplitude) * (np.pi / segmentation.half_period) ** 2
     speed = float(law.velocity_scale())

@@ -1,4 +1,4 @@
-"""What a fit can be asked for: checked by name alone, before a record is read or JAX is imported."""
+"""Settings of a fit, checked before records or JAX are loaded."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -10,14 +10,14 @@ from .names import NUISANCES, Named, check_names, chosen, tied
 STARTS = ("first_reversal", "release")
 SIGMA_MODES = ("absolute", "scale", "estimate")
 NOISE_MODELS = {
-    "auto": "whichever of these the record shows",
-    "white": "independent samples of one size",
-    "jitter": "independent, from a clock that jitters, where that shows",
-    "autoregressive": "a process that remembers, of the order that the residuals show",
-    "coloured": "such a process beside the drift, hum and rounding that the residuals show",
-    "floor": "motion of the mass, shaken by the floor, beside independent noise of the reading",
+    "auto": "selected from the record",
+    "white": "independent samples of equal variance",
+    "jitter": "independent samples with timing jitter of the clock, if significant",
+    "autoregressive": "a correlated process; the residuals determine its order",
+    "coloured": "a correlated process, with drift, hum and rounding if significant",
+    "floor": "floor vibration that moves the mass, and independent noise of the reading",
 }
-"""Names of the noise models, and what each takes the noise for."""
+"""Names of the noise models, each with a description."""
 _NUISANCES = {
     "first_reversal": ("t_release", "x0", "offset"),
     "release": ("x0", "offset"),
@@ -26,12 +26,12 @@ _NUISANCES = {
 
 
 class Model(NamedTuple):
-    """A model as far as its names go.
+    """Names and properties of a model.
 
     Attributes:
         leaves: its coefficients.
-        bracketable: whether its static coefficient is bracketed from stops, as that of Coulomb's law.
-        keeps_memory: whether its law has internal states.
+        bracketable: True if its static coefficient is bracketed from stops, like that of Coulomb's law.
+        keeps_memory: True if its law has internal states.
     """
 
     leaves: Sequence[Named]
@@ -40,17 +40,17 @@ class Model(NamedTuple):
 
 
 def check_settings(model: Model, free: Sequence[str], runs: int, settings: Mapping[str, Any]) -> None:
-    """Refuse names and settings of a fit that do not fit, as the fit itself would.
+    """Refuse invalid names and settings, as the fit would do.
 
     Args:
-        model: what is fitted.
+        model: the model to fit.
         free: names of the free coefficients.
         runs: number of records.
-        settings: the keywords of `fricjax.fit` that are checked: `nuisance`, `start`, `bounds`, `priors`, `tie`,
-            `sigma_mode`, `guess`, `loss` and `noise`.
+        settings: the checked keywords of `fricjax.fit`: `nuisance`, `start`, `bounds`, `priors`, `tie`, `sigma_mode`,
+            `guess`, `loss` and `noise`.
 
     Raises:
-        UsageError: as `fricjax.fit` words it.
+        UsageError: with the message of `fricjax.fit`.
     """
     check_choice("sigma_mode", settings["sigma_mode"], SIGMA_MODES)
     check_choice("loss", settings["loss"], LOSSES)
@@ -72,22 +72,22 @@ def check_settings(model: Model, free: Sequence[str], runs: int, settings: Mappi
 def check_start(
     start: str, choices: str = "first_reversal, release or a number of seconds from the first sample"
 ) -> None:
-    """Refuse a start that has no name.
+    """Refuse an unknown start.
 
     Raises:
-        UsageError: offers the nearest one and the `choices`.
+        UsageError: the message names the nearest one and the `choices`.
     """
     if start not in STARTS:
         raise UsageError(f"There is no start {start!r}.{nearest(start, STARTS)} Choose {choices}.")
 
 
 def nuisances_of(mode: str, chosen: Iterable[str] | None, keeps_memory: bool) -> tuple[str, ...]:
-    """Names of a run's own parameters.
+    """Return the names of a run's parameters.
 
     Args:
         mode: "first_reversal", "release" or "seconds".
-        chosen: names that the caller chose, or None for those that belong to the mode.
-        keeps_memory: whether the law has internal states; it is then fitted from the middle of a half-cycle.
+        chosen: names from the caller, or None for the default of the mode.
+        keeps_memory: True if the law has internal states; it is then fitted from the middle of a half-cycle.
 
     Raises:
         UsageError: an unknown name, or two that cannot be separated.
@@ -104,10 +104,10 @@ def nuisances_of(mode: str, chosen: Iterable[str] | None, keeps_memory: bool) ->
 
 
 def check_nuisance(name: str) -> None:
-    """Refuse the name of a parameter that no run has.
+    """Refuse an unknown parameter of a run.
 
     Raises:
-        UsageError: offers the nearest one.
+        UsageError: the message names the nearest one.
     """
     if name not in NUISANCES:
         raise UsageError(
@@ -116,10 +116,10 @@ def check_nuisance(name: str) -> None:
 
 
 def check_once(names: Sequence[str]) -> None:
-    """Refuse a parameter that is named twice.
+    """Refuse a repeated parameter name.
 
     Raises:
-        UsageError: names it.
+        UsageError: the message names it.
     """
     twice = [name for name in names if names.count(name) > 1]
     if twice:
@@ -127,15 +127,15 @@ def check_once(names: Sequence[str]) -> None:
 
 
 def run_names(nuisances: Iterable[str], run: int, runs: int) -> list[str]:
-    """Names of a run's own parameters among those of several runs."""
+    """Return the names of one run's parameters among several runs."""
     return [name if runs == 1 else f"{name}[{run}]" for name in nuisances]
 
 
 def check_bounds(name: str, low: float | None, high: float | None) -> None:
-    """Refuse bounds between which nothing lies; None is no bound.
+    """Refuse bounds that contain no value; None means no bound.
 
     Raises:
-        UsageError: names both.
+        UsageError: the message names both.
     """
     if low is not None and high is not None and not low < high:
         raise UsageError(f"The bounds of {name} must be a lower and a larger upper value, got {low} and {high}.")

@@ -1,6 +1,6 @@
-"""How a fit looks: its report, and the plot of trace and residuals.
+"""Report and plots of a fit.
 
-The functions take a :class:`~fricjax.fitting.Fit`, which they do not import, for it lies above what shows it.
+The functions take a :class:`~fricjax.fitting.Fit`, which they cannot import: that module imports this one.
 """
 
 import contextlib
@@ -19,15 +19,15 @@ from ..show.units import displacement_name
 from .names import of_run
 from .rest import CONTRADICTED
 
-# Most runs of a batch that the report lists.
+# Largest number of runs listed in the report of a batch.
 _LISTED_RUNS = 20
-_THUMBNAILS = 2  # coefficients of a batch that are drawn beside its table
-# Ratio from which on the errors of white noise are shown beside the right ones, and noise as larger than stated.
+_THUMBNAILS = 2  # coefficients of a batch drawn next to its table
+# Ratio above which errors of white noise are shown too, and noise is reported as larger than stated.
 _NOTABLE = 1.3
 
 
 def parameter_table(fit: Any) -> Table:
-    """One row per parameter: value with combined uncertainty, statistical standard error, flags."""
+    """Return one row per parameter: value, statistical standard error, flags."""
     rows = []
     for name in fit.values:
         unit, value, flags = fit.units[name], fit.values[name], "; ".join(fit.flags[name])
@@ -37,14 +37,14 @@ def parameter_table(fit: Any) -> Table:
         else:
             low, high = fit.intervals[name]
             rows.append([name, interval(low, high, unit), "", "", flags])
-    columns = ["Parameter", "Value (combined uncertainty)", "Statistical", "Were the noise white", "Remarks"]
+    columns = ["Parameter", "Value (combined uncertainty)", "Statistical", "Statistical (white noise)", "Remarks"]
     if not _unlike_white(fit):
         columns, rows = [*columns[:3], columns[4]], [[*row[:3], row[4]] for row in rows]
     return Table(columns, rows)
 
 
 def _unlike_white(fit: Any) -> bool:
-    """Whether white noise of the size stated would give notably other standard errors."""
+    """Return True if white noise would give notably different standard errors."""
     pairs = [(fit.std_errors[name], fit.white_std_errors[name]) for name in fit.std_errors]
     return any(np.isfinite(std) and std > 0 and not 1 / _NOTABLE <= white / std <= _NOTABLE for std, white in pairs)
 
@@ -54,7 +54,7 @@ def _small(std: float) -> str:
 
 
 def kinematics_table(fit: Any) -> Table:
-    """What the trace tells without a rig."""
+    """Return the quantities that need no rig."""
     rows = []
     for name, estimate in fit.kinematics.items():
         unit = estimate.unit.replace("m", fit.quantity) if fit.quantity != "m" else estimate.unit
@@ -63,7 +63,7 @@ def kinematics_table(fit: Any) -> Table:
 
 
 def _value(fit: Any, value: float, std: float, unit: str) -> str:
-    """A value with its uncertainty; where it has none because of a bound alone, that is said."""
+    """Format a value with its uncertainty, or "at bound" without one."""
     raised = {flag for flags in fit.flags.values() for flag in flags}
     text = uncertain(value, std, unit)
     bounded = "at bound" in raised and "undetermined" not in raised
@@ -71,7 +71,7 @@ def _value(fit: Any, value: float, std: float, unit: str) -> str:
 
 
 def facts(fit: Any) -> list[tuple[str, str]]:
-    """The remaining lines of the report; of a fit that is not finite only what is."""
+    """Return the other lines of the report, without values that are infinite."""
     restoring = type(fit.oscillator.restoring).__name__.lower()
     used = sum(int(np.isfinite(r).sum()) for r in fit.residuals_by_run)
     stages = "1 stage" if fit.stages == 1 else f"{fit.stages} stages"
@@ -88,8 +88,8 @@ def facts(fit: Any) -> list[tuple[str, str]]:
 
 
 def _noise(fit: Any) -> Iterator[str]:
-    """Size and source of the noise, and what makes that of each run other than white noise of that size."""
-    model = "" if fit.noise == "auto" else f", taken for {fit.noise}"
+    """Yield level and source of the noise, and deviations from white noise."""
+    model = "" if fit.noise == "auto" else f", noise model {fit.noise}"
     yield f"{engineering(fit.sigma, fit.quantity)} ({fit.sigma_source}), mode {fit.sigma_mode}{model}"
     for label, noise in zip(fit.labels, fit.noises, strict=True):
         where = "it" if len(fit.noises) == 1 else f"that of {label}"
@@ -99,41 +99,43 @@ def _noise(fit: Any) -> Iterator[str]:
 
 
 def _budget(fit: Any) -> Iterator[tuple[str, str]]:
-    """What has the largest part in the combined uncertainty of each coefficient of the machine; nothing without a rig.
+    """Yield the largest source of variance of each shared coefficient.
 
-    The two contributions of a periodic nonlinearity are one: its phase is not known.
+    Nothing is yielded without a rig. The two contributions of a periodic nonlinearity are combined, because its phase
+    is unknown.
     """
     parts_of_names = []
     for name in fit.names:
         std = fit.std_errors[name]
         if of_run(name) or not fit.contributions[name]:
             continue
-        parts = {"the noise": std}
+        parts = {"noise": std}
         for source, change in fit.contributions[name].items():
             source = source.removesuffix("_cosine").removesuffix("_sine")
             parts[source] = float(np.hypot(parts.get(source, 0.0), change))
         total = float(np.linalg.norm(list(parts.values())))
         if 0 < total < np.inf:
             largest = max(parts, key=parts.__getitem__)
-            parts_of_names.append(f"of {name} {largest} ({100 * (parts[largest] / total) ** 2:.3g} %)")
+            share = f"{100 * (parts[largest] / total) ** 2:.0f} %"
+            parts_of_names.append(f"{name}: {largest} {share}" + ("" if parts_of_names else " of the variance"))
     if parts_of_names:
-        yield "uncertainty", "largest part of the combined variance: " + ", ".join(parts_of_names)
+        yield "rig inputs", "; ".join(parts_of_names)
 
 
 def _accuracy(fit: Any) -> Iterator[tuple[str, str]]:
-    """How well the model describes the run, and how much of that is numerics."""
+    """Yield the size of the residuals and of the numerical error."""
     if np.isfinite(fit.chi2):
         rms, reduced = engineering(fit.residual_rms, fit.quantity), plain(fit.chi2_reduced, 4)
-        beside = max(noise.excess for noise in fit.noises) * fit.sigma
+        without_slow = max(noise.excess for noise in fit.noises) * fit.sigma
         more = any(noise.drift or noise.lines for noise in fit.noises)
-        apart = f", {engineering(beside, fit.quantity)} beside drift and hum" if more else ""
+        apart = f", {engineering(without_slow, fit.quantity)} without drift and hum" if more else ""
         yield "residuals", f"{rms} rms{apart}, reduced chi^2 {reduced}"
     if np.isfinite(fit.numerical_shift):
-        yield "numerics", f"numerical errors move no parameter by more than {fit.numerical_shift:.2g} standard errors"
+        yield "numerics", f"numerical error at most {fit.numerical_shift:.2g} standard errors"
 
 
 def _stop(fit: Any) -> Iterator[tuple[str, str]]:
-    """What the stops tell of the number of half-cycles and of static friction."""
+    """Yield the number of half-cycles and the bracket of static friction."""
     for label, count, margin in zip(fit.labels, fit.half_cycles, fit.margins, strict=True):
         where = "" if len(fit.labels) == 1 else f" of {label}"
         if count is not None and margin is not None and not np.any(np.isnan(margin)):
@@ -146,12 +148,12 @@ def _stop(fit: Any) -> Iterator[tuple[str, str]]:
 
 
 def report_of(fit: Any) -> Report:
-    """The report of a fit."""
+    """Return the report of a fit."""
     return Report([parameter_table(fit), kinematics_table(fit)], facts(fit), warnings=fit.warnings, heading="Fit")
 
 
 def batch_report(batch: Any) -> Report:
-    """The report of a batch: its first runs, what they have in common, and how the fits ended."""
+    """Return the report of a batch: first runs, populations, and outcomes."""
     names = [name for name in batch.values if not of_run(name)]
     combined, runs = batch.combined_std_errors, labels(batch.sources)
     rows = [
@@ -177,10 +179,13 @@ def _outcome(status: str) -> str:
 
 
 def _populations(batch: Any, names: list[str]) -> Table:
-    """Mean and scatter of the coefficients over the runs; without rows where fewer than three tell."""
+    """Return mean and scatter of the coefficients over the runs.
+
+    Coefficients with fewer than three values are omitted.
+    """
     rows = []
     for name in names:
-        # Fewer than three runs tell no scatter.
+        # Fewer than three runs do not determine a scatter.
         with contextlib.suppress(DataError):
             pooled = batch.population(name)
             mean, scatter = uncertain(pooled.mean, pooled.combined_std), plain(pooled.scatter, 3)
@@ -189,7 +194,7 @@ def _populations(batch: Any, names: list[str]) -> Table:
 
 
 def thumbnails(fit: Any) -> list[str]:
-    """The first run with the model on it, and what is left."""
+    """Draw the first run with the model, and its residuals."""
     t, x, r = fit.times[0], np.asarray(fit.runs[0].x), fit.residuals_by_run[0]
     both = [Curve(t, x, broad=True), Curve(t, x - r)]
     traces = [(both, displacement_name(fit.quantity)), ([Curve(t, r)], "Residual")]
@@ -197,7 +202,7 @@ def thumbnails(fit: Any) -> list[str]:
 
 
 def batch_thumbnails(batch: Any) -> list[str]:
-    """The first coefficients against the number of the run."""
+    """Draw the first coefficients against the number of the run."""
     names = [name for name in batch.values if not of_run(name)][:_THUMBNAILS]
     runs = np.arange(len(batch))
     curves = [(name, Curve(runs, batch.values[name], batch.std_errors[name])) for name in names]
@@ -205,7 +210,7 @@ def batch_thumbnails(batch: Any) -> list[str]:
 
 
 def batch_plot(batch: Any) -> Any:
-    """Each coefficient against the number of the run, with mean and scatter where there are enough runs."""
+    """Plot each coefficient against the run number, with mean and scatter."""
     names = [name for name in batch.values if not of_run(name)]
     drawing, axes = figure(len(names), share_x=True)
     runs, good = np.arange(len(batch)), batch.converged
@@ -216,7 +221,7 @@ def batch_plot(batch: Any) -> Any:
         for which, face in ((good, "#0072B2"), (~good, "white")):
             points = {"linestyle": "none", "marker": "o", "markersize": 3.5, "color": "#0072B2", "mfc": face}
             each.errorbar(runs[which], values[which], bars[which], **points)
-        with contextlib.suppress(DataError):  # fewer than three runs tell no scatter
+        with contextlib.suppress(DataError):  # fewer than three runs do not determine a scatter
             pooled = batch.population(name)
             mean, scatter = factor * pooled.mean, factor * pooled.scatter
             each.axhline(mean, color="#D55E00", linewidth=1.0)
@@ -230,11 +235,11 @@ def batch_plot(batch: Any) -> Any:
 
 
 def plot(fit: Any, run: int = 0) -> Any:
-    """Measured and computed trace above, residuals with the band of the noise below.
+    """Plot measured and computed trace, and residuals with the noise band.
 
     Args:
         fit: the fit.
-        run: which run of a joint fit.
+        run: number of the run in a joint fit.
     """
     drawing, axes = figure(2, 1, share_x=True, heights=(5, 2))
     top, bottom = axes[:, 0]
@@ -246,7 +251,10 @@ def plot(fit: Any, run: int = 0) -> Any:
 
 
 def _draw_trace(axes: Any, fit: Any, run: int) -> None:
-    """The record as a broad pale line, grey where it is not fitted, and the model as a thin dark one on it."""
+    """Draw the record as a broad line, and the model.
+
+    Samples that are not fitted are grey.
+    """
     t, x, r = fit.times[run], np.asarray(fit.runs[run].x), fit.residuals_by_run[run]
     fitted = np.isfinite(r)
     factor, unit = display_unit(float(np.max(np.abs(x))), fit.quantity)
@@ -262,9 +270,9 @@ def _draw_trace(axes: Any, fit: Any, run: int) -> None:
 
 
 def _draw_residuals(axes: Any, fit: Any, run: int) -> None:
-    """Measured minus model, with the drift and hum that count as noise.
+    """Draw measured minus model, with drift and hum of the noise.
 
-    Where the model describes the run, 95 of 100 lie within two standard deviations of these.
+    If the model describes the run, 95 % of the samples lie within two standard deviations of these.
     """
     t, residuals = fit.times[run], fit.residuals_by_run[run]
     slow = fit.noises[run].at(t - fit.origins[run])

@@ -1,6 +1,6 @@
-"""A fitted run in few samples, for pictures of many: what was read, and what the model misses of it.
+"""A fitted run in few samples, for thumbnails of many runs.
 
-The motion is computed once more at the samples that are shown, those of many runs by one compiled computation.
+The motion is computed again at the shown samples. Runs share one compiled computation.
 """
 
 from collections.abc import Sequence
@@ -27,9 +27,9 @@ class Sketch(NamedTuple):
 
     Attributes:
         t: times from the first sample of the record [s], shape (n,).
-        x: what was read there about the fitted equilibrium, in the unit of the record, shape (n,).
-        residual: measured minus model, in the same unit; NaN before the state from which the motion is computed, and
-            where a sample has no value.
+        x: reading about the fitted equilibrium, in the unit of the record, shape (n,).
+        residual: measured minus model, in the same unit; NaN before the start of the computed motion, and for samples
+            without a value.
     """
 
     t: np.ndarray
@@ -38,32 +38,35 @@ class Sketch(NamedTuple):
 
 
 class _Asked(NamedTuple):
-    """The residual of few samples of weight one, and the coordinates at which it is asked for."""
+    """Residual of few samples of weight one, and coordinates."""
 
     residual: Residual
     y: Float[np.ndarray, " p"]
 
 
 def sketches(solved: Sequence[tuple[Problem, Solution]], most: int | None = MOST) -> list[Sketch]:
-    """A sketch of each solved fit of one run, of at most so many samples, evenly spaced; None: of all samples."""
+    """Return a sketch of each solved fit, with up to `most` samples.
+
+    The samples are evenly spaced; None selects all of them.
+    """
     chosen = [few(problem.windows[0].used.size, most) for problem, _ in solved]
     asked = [_asked(*each, samples, most) for each, samples in zip(solved, chosen, strict=True)]
     meshed = bool(asked) and asked[0].residual.engine.needs_mesh
-    # Each mesh is of its own size, and a chunk that is not full costs copies.
+    # Meshes differ in size, and a chunk that is not full is padded with copies.
     left = [_left(each) for each in asked] if meshed else in_chunks(asked, lambda chunk, _: _all_left(chunk))
     rows = zip(solved, chosen, left, strict=True)
     return [_sketch(problem, solution, samples, np.asarray(part)) for (problem, solution), samples, part in rows]
 
 
 def few(count: int, most: int | None = MOST) -> np.ndarray:
-    """Indices of at most so many of `count` samples, the first and the last among them."""
+    """Return indices of at most `most` of `count` samples, including both ends."""
     return np.arange(count) if most is None else np.unique(np.linspace(0, count - 1, most).round().astype(int))
 
 
 def _asked(problem: Problem, solution: Solution, samples: np.ndarray, most: int | None) -> _Asked:
     window, run = problem.windows[0], problem.residual.runs[0]
     size = run.t.size if most is None else most
-    # Filled up, so that records of any length share a compilation.
+    # Padded, so that records of any length share a compilation.
     places = np.append(samples, np.full(size - samples.size, samples[-1]))
     t = np.asarray(window.trace.t)[places] - window.origin
     y = solution.y[: problem.residual.n_parameters]
@@ -73,13 +76,13 @@ def _asked(problem: Problem, solution: Solution, samples: np.ndarray, most: int 
 
 
 def _left_of(asked: _Asked) -> Float[Array, " samples"]:
-    """Model minus measured, without the priors."""
+    """Return model minus measured, without the priors."""
     residual = asked.residual
     return residual(jnp.asarray(asked.y))[: residual.runs[0].t.shape[0]]
 
 
 def _left_of_all(asked: _Asked) -> Float[Array, "members samples"]:
-    """The same of many that are stacked along a leading axis."""
+    """Return the same for several, stacked along a leading axis."""
 
     def one(i: Array) -> Float[Array, " samples"]:
         return _left_of(jax.tree.map(lambda leaf: leaf[i] if hasattr(leaf, "shape") else leaf, asked))

@@ -1,11 +1,11 @@
-"""Solving a posed fit: on the condensed record, then checked by another solution of all samples.
+"""Solve a fit on the condensed record and check all samples.
 
-At the optimum of the condensed record all samples are looked at once, with an engine whose errors are others: the
-Gauss-Newton step that is left there is what the numerical error of the fit, its condensation included, has moved the
-parameters by. Where that is not small against the standard errors, the fit goes on with all samples and a finer
-engine. The smooth engine, whose mesh is made for one set of coordinates, gets a new one at the optimum.
+At the optimum of the condensed record all samples are evaluated once, with an engine of different numerical errors. The
+Gauss-Newton step that remains there is the shift of the parameters by numerical errors, including condensation. If it
+is not small against the standard errors, the fit continues with all samples and a finer engine. The smooth engine needs
+a mesh for its coordinates, and gets a new one at the optimum.
 
-All of that is one program, called with other samples, other meshes and another way to go.
+All of this uses one compiled program, with other samples, meshes and schedules.
 """
 
 from collections.abc import Callable, Sequence
@@ -32,13 +32,13 @@ from .runs import full_stage
 from .stages import CONTINUE, CONTINUE_ROBUST, EVALUATE_ONLY, ROUNDING, Iterate, Schedule, like_iterate, solve_in_stages
 
 _BOUNDLESS = 1e100
-# The first mesh, and the squares of a robust fit, only lead to where it goes on from: how much larger errors of that
-# mesh may be, and how near its optimum is to be met.
+# The first mesh, and the least-squares stage of a robust fit, only provide a start for the next stage: factor of the
+# allowed error of that mesh, and tolerance of its optimum.
 _ROUGH, _NEAR = 100.0, Schedule(tolerance=np.asarray(0.3))
-# Where a direction is left undetermined, there is no optimum that a finer engine could find.
+# If a direction is undetermined, a finer engine cannot find an optimum.
 _OPTIMA = (CONVERGED, AT_BOUND)
-# A mesh is made for one set of coordinates, so an optimum may have to be met on a mesh that was made there; until then
-# the solver may run out of steps, or stall where the mesh fits no more. It goes on as long as that pays by this factor.
+# A mesh fits one set of coordinates, so an optimum may need a mesh made near it. Until then the solver may run out of
+# steps, or stall on an outdated mesh. It continues while chi^2 decreases by this factor.
 _MESHES, _PAYS = 6, 0.8
 _ON_A_MESH = (*_OPTIMA, OUT_OF_STEPS, STALLED)
 
@@ -48,14 +48,14 @@ class Solution(NamedTuple):
 
     Attributes:
         y: coordinates of the parameters and, all zero, of the inputs of the rig.
-        evaluation: what all samples say there, with the engine of the check.
-        derived: what the coordinates stand for.
-        shape: the quadratic form of chi^2 there.
-        numerical_shift: the step that is left there in standard errors as the scatter of the residuals gives them, in
-            whatever direction it is the longest: how far numerical errors can have moved any parameter.
-        status: what the solver said.
-        iterations, passes, stages: steps of Levenberg-Marquardt, passes over the model in all, and stages.
-        rivals: other numbers of half-cycles, with which the record is described about as well.
+        evaluation: evaluation of all samples there, with the engine of the check.
+        derived: physical values for the coordinates.
+        shape: the quadratic model of chi^2 there.
+        numerical_shift: largest remaining step there in any direction, in standard errors from the scatter of the
+            residuals: the largest change of a parameter by numerical errors.
+        status: status of the solver.
+        iterations, passes, stages: steps of Levenberg-Marquardt, evaluations of the model in total, and stages.
+        rivals: other numbers of half-cycles that describe the record similarly well.
     """
 
     y: Float[np.ndarray, " coordinates"]
@@ -74,14 +74,14 @@ class Solution(NamedTuple):
         return float(self.evaluation.chi2)
 
     @property
-    def foreseen(self) -> float:
-        """The chi^2 at the end of the step, were the residuals linear; -inf where it is not finite here."""
+    def predicted_chi2(self) -> float:
+        """Predicted chi^2 after the next step; -inf if not finite here."""
         ahead = self.chi2 - self.shape.distance**2
         return ahead if np.isfinite(ahead) else -np.inf
 
     @property
     def accurate(self) -> bool:
-        """Whether numerical errors are small against the standard errors."""
+        """True if numerical errors are small against the standard errors."""
         return self.numerical_shift <= thresholds.ACCURATE
 
     @property
@@ -90,14 +90,14 @@ class Solution(NamedTuple):
 
 
 class Rival(NamedTuple):
-    """The problem with another number of half-cycles, and what the record says of it where that at hand was solved."""
+    """Problem with another number of half-cycles, evaluated at the current solution."""
 
     problem: Problem
     solution: Solution
 
 
 def half_cycles(problem: Problem) -> tuple[int, ...]:
-    """The number of half-cycles of each run."""
+    """Return the number of half-cycles of each run."""
     return tuple(int(run.half_cycles) for run in problem.residual.runs)
 
 
@@ -105,28 +105,28 @@ staged = Program(solve_in_stages, like_iterate)
 
 
 def one_by_one(members: Sequence[Member], loss: AbstractLoss) -> list[Iterate]:
-    """The iterate of each problem, each by a program of its own."""
+    """Return the iterate of each problem, solved separately."""
     with waiting():
         ends = [staged(m.residual, m.stage_weights, m.limits, loss, m.y, m.schedule) for m in members]
         return jax.tree.map(np.asarray, ends)
 
 
-# The way of one fit, from top to bottom: `solve` calls `solve_condensed`, which goes in stages to the optimum of few
-# samples (`_optima`), and `_refined`, which evaluates all samples there (`_checked`) and goes on while that shifts it.
-# Many fits take the same way in `solve_batch`, but for the last step.
+# Outline of a fit: `solve` calls `solve_condensed`, which proceeds in stages to the optimum of few samples (`_optima`).
+# Then `_refined` evaluates all samples there (`_checked`), and continues while that shifts the optimum. `solve_batch`
+# does the same for many fits, except for the last step.
 def solve(problem: Problem, y: Any = None) -> Solution:
-    """Fit from the start values, or from given coordinates `y`, and check the result."""
+    """Fit from the start values or from `y`, and check the result."""
     at = solve_condensed(problem, start_coordinates(problem) if y is None else y[: problem.condensed.n_parameters])
     meshed = problem.residual.engine.needs_mesh
     return _refined(problem, at, *((_MESHES, _ON_A_MESH) if meshed else (1, _OPTIMA)))
 
 
 def solve_batch(problems: Sequence[Problem], begins: Sequence[np.ndarray] | None = None) -> list[tuple[Solution, Any]]:
-    """Fit problems of one loss in chunks and check the results, for engines that need no mesh.
+    """Fit problems of one loss in chunks and check the results.
 
-    No solution goes on to finer engines, and none keeps the residuals of its samples, of which only the typical sizes
-    are handed on, over all and in motion. `begins` are the coordinates from which each problem starts, in place of its
-    start values.
+    The engines must need no mesh. No solution is refined with a finer engine, and residuals of samples are not kept.
+    Their typical sizes are returned instead, overall and in motion. `begins` are initial coordinates of the problems;
+    None for the start values.
     """
     if not problems:
         return []
@@ -141,19 +141,22 @@ def solve_batch(problems: Sequence[Problem], begins: Sequence[np.ndarray] | None
 
 
 def solve_condensed(problem: Problem, begin: Any) -> Iterate:
-    """The optimum of the condensed record, from coordinates `begin`; of all samples under a robust loss."""
-    _compile_beside(problem, begin)
+    """Return the optimum of the condensed record, from coordinates `begin`.
+
+    A robust loss uses all samples.
+    """
+    _compile_ahead(problem, begin)
     return _optima([problem], [begin], one_by_one, _NEAR)[0]
 
 
-def _compile_beside(problem: Problem, begin: Any) -> None:
-    """What a first fit waits for: the solver, beside its mesh, and the look with the inputs of a rig, beside both."""
+def _compile_ahead(problem: Problem, begin: Any) -> None:
+    """Start compiling the solver and the rig sensitivity program in threads."""
     wanted = []
     if problem.residual.engine.needs_mesh and (expected := likely(problem.condensed, begin)) is not None:
         wanted.append((Member(expected, problem.stage_weights, problem.limits, begin, _NEAR), Squares()))
     if problem.residual.inputs.shape[0] and (expected := likely(problem.residual, begin)) is not None:
-        looked = _with_engine(expected, expected.engine.checking())
-        member = on_all_samples(problem, looked, with_inputs(looked, begin), EVALUATE_ONLY)
+        evaluated = _with_engine(expected, expected.engine.checking())
+        member = on_all_samples(problem, evaluated, with_inputs(evaluated, begin), EVALUATE_ONLY)
         wanted.append((member, problem.loss))
     for m, loss in wanted:
         args = m.residual, m.stage_weights, m.limits, loss, m.y, m.schedule
@@ -164,7 +167,10 @@ def _compile_beside(problem: Problem, begin: Any) -> None:
 def _optima(
     problems: Sequence[Problem], begins: Sequence[Any], run: Callable[..., list[Iterate]], near: Schedule
 ) -> list[Iterate]:
-    """The same of many problems of one engine and loss; a first stage that only leads on comes `near` its optimum."""
+    """Return the same for many problems of one engine and loss.
+
+    A first stage that only provides a start has the schedule `near`.
+    """
     meshed, robust = problems[0].residual.engine.needs_mesh, not isinstance(problems[0].loss, Squares)
     few = [with_mesh(p.condensed, y, _ROUGH) for p, y in zip(problems, begins, strict=True)]
     schedule = near if meshed or robust else Schedule()
@@ -184,22 +190,22 @@ def _optima(
 
 
 def joined(first: Iterate, then: Iterate) -> Iterate:
-    """Two solutions, one going on from the other."""
+    """Combine two iterates; the second continued from the first."""
     steps, stages = int(first.iterations) + int(then.iterations), int(first.stages) + int(then.stages)
     return then._replace(iterations=steps, stages=stages)
 
 
 def on_all_samples(problem: Problem, residual: Residual, y: Any, schedule: Schedule) -> Member:
-    """What is to be solved from coordinates `y` with all samples of a residual."""
+    """Return the problem of all samples of a residual, from coordinates `y`."""
     stages = tuple(full_stage(*pair) for pair in zip(problem.windows, residual.runs, strict=True))
     return Member(residual, stages, problem.limits, y, schedule)
 
 
 def _refined(problem: Problem, at: Iterate, rounds: int, endings: tuple[int, ...]) -> Solution:
-    """The fit checked, and while it is not accurate carried on with all samples, each time with a finer engine.
+    """Check a fit, and continue with finer engines until it is accurate.
 
-    Only a fit that ended in one of the ways `endings` is carried on. One that has stalled goes on until that has not
-    paid twice in a row: where elements slip between the steps of a mesh, its optimum may be met on another one.
+    Only a fit with one of the statuses `endings` continues. A stalled fit continues until chi^2 has not decreased twice
+    in a row: if elements slip between the steps of a mesh, another mesh may lead to the optimum.
     """
     residual = problem.residual
     solution, before, in_vain = _checked(problem, residual, at), np.inf, 0
@@ -215,7 +221,7 @@ def _refined(problem: Problem, at: Iterate, rounds: int, endings: tuple[int, ...
             then = joined(at, then)
             at, solution = then, _checked(problem, residual, then)
         except UsageError:
-            # No mesh holds so many steps: the numerical shift tells what is left.
+            # No mesh holds so many steps: the numerical shift reports the remaining error.
             break
     return solution
 
@@ -225,17 +231,20 @@ def _with_engine(residual: Residual, engine: AbstractEngine) -> Residual:
 
 
 def checking(residual: Residual, y: Any) -> Residual:
-    """The residual with an engine that checks its own, on a mesh made at coordinates `y`."""
+    """Return the residual with a verification engine, meshed at `y`."""
     return with_mesh(_with_engine(residual, residual.engine.checking()), y)
 
 
 def with_inputs(residual: Residual, y: Any) -> np.ndarray:
-    """Coordinates of the parameters, and behind them those of the inputs of the rig, at zero."""
+    """Append zero coordinates of the rig inputs to those of the parameters."""
     return np.concatenate([y, np.zeros(residual.inputs.shape[0])])
 
 
 def evaluate_at(problem: Problem, residual: Residual, y: Any) -> Iterate:
-    """The evaluation of all samples of a residual at coordinates `y` of parameters and inputs."""
+    """Evaluate all samples of a residual at coordinates `y`.
+
+    They include the inputs of the rig.
+    """
     (at,) = one_by_one([on_all_samples(problem, residual, y, EVALUATE_ONLY)], problem.loss)
     return at
 
@@ -245,20 +254,23 @@ def _checked(problem: Problem, residual: Residual, at: Iterate) -> Solution:
     return solution_of(problem, at, evaluate_at(problem, checking(residual, y), y))
 
 
-def solution_of(problem: Problem, at: Iterate, looked: Iterate) -> Solution:
-    """The solved fit from where the stages ended and what all samples say there, all of it as numpy arrays."""
-    p, evaluation = at.y.size, looked.evaluation
+def solution_of(problem: Problem, at: Iterate, evaluated: Iterate) -> Solution:
+    """Build the solution from the final iterate and an evaluation.
+
+    `evaluated` is the evaluation of all samples there. All arrays are those of numpy.
+    """
+    p, evaluation = at.y.size, evaluated.evaluation
     at_bound = (at.y <= problem.limits.lower) | (at.y >= problem.limits.upper)
     shape = quadratic(evaluation.gradient[:p], evaluation.normal[:p, :p], at_bound)
     variance = max(float(evaluation.chi2), _rounding(problem)) / problem.dof
-    # A motion that has grown beyond all bounds is as good as not finite, and its squares overflow.
+    # A motion that diverges is treated as not finite, since its squares would overflow.
     evaluation = evaluation._replace(
         residual=np.where(np.abs(evaluation.residual) < _BOUNDLESS, evaluation.residual, np.nan)
     )
     return Solution(
         y=with_inputs(problem.residual, at.y),
         evaluation=evaluation,
-        derived=looked.derived,
+        derived=evaluated.derived,
         shape=shape,
         numerical_shift=shape.distance / float(np.sqrt(variance)),
         status=int(at.status),
@@ -269,11 +281,11 @@ def solution_of(problem: Problem, at: Iterate, looked: Iterate) -> Solution:
 
 
 def _rounding(problem: Problem) -> float:
-    """The chi^2 that rounding alone would leave."""
+    """Return the chi^2 of rounding errors alone."""
     runs = problem.residual.runs
     return sum(float(np.square(run.weight).sum() * (ROUNDING * max(run.x.max(), -run.x.min())) ** 2) for run in runs)
 
 
 def start_coordinates(problem: Problem) -> Any:
-    """The start values in coordinates, within the bounds."""
+    """Return the start values in coordinates, within the bounds."""
     return np.clip(np.zeros(problem.residual.n_parameters), problem.limits.lower, problem.limits.upper)

@@ -1,15 +1,15 @@
-"""The way from the start values to the optimum: windows that grow until they hold everything.
+"""Stages of a fit: windows that grow until they contain all samples.
 
-With the number of half-cycles taken from the record the residual has no jumps, but the phase still makes local
-minima when the start value of the frequency is off by more than a part of a cycle over the record. So the window is
-halved until the motion from the start values is in phase with the record all through it, which the first pass of the
-solver tells. From the optimum of such a window everything is tried again, with half of it, and so on down to a window
-twice as long as the last, which one that fits this far is trusted with. Start values that keep the phase need one stage
-with everything. A robust loss, nearly flat far from its optimum, is led there from that of
-squares. All of it is traced, so that many fits can be mapped over; the model stands in it once.
+With the number of half-cycles taken from the record the residual has no jumps. But if the start value of the frequency
+is off by more than a part of a cycle over the record, the phase causes local minima. So the window is halved until the
+motion from the start values is in phase with the record throughout. The first evaluation of the solver tests this. From
+the optimum of such a window all samples are tried again, then half of them, and so on, down to a window twice as long
+as the last one; a fit of the last window is trusted that far. Start values that keep the phase need one stage with all
+samples. A robust loss is nearly flat far from its optimum, so it starts from the optimum of least squares. All of this
+is traced, so that it can be mapped over many fits; the model appears once in the program.
 
-The same program only looks at where it is, where it is given one step to take: so what checks a fit, and what goes on
-from another optimum, is compiled already. Inputs of a rig are looked at only, by a small program.
+With a single step the same program only evaluates the model. So the check of a fit, and its continuation from another
+optimum, need no further compilation. Inputs of a rig are evaluated by a separate small program.
 """
 
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -31,18 +31,18 @@ if TYPE_CHECKING:
 
 ROUNDING = 1e-12
 FINE = 1e-3
-# Part of the moving window at which it is whole, and what stands for the rest as well.
+# Window that contains all samples in motion, and window that contains the rest too.
 _MOVING, _EVERYTHING = 1.0, 2.0
-# How near the optimum of a window is to be met, in standard errors, before the next one.
+# Tolerance of the optimum of a window before the next one, in standard errors.
 _ON_THE_WAY = 1.0
 
 
 class StageWeights(NamedTuple):
-    """What the windows of a run need to know.
+    """Weights of a run for the stages.
 
     Attributes:
         moving: weights of the samples without the rest [1/m], shape (samples,).
-        tolerance: weighted residual up to which a sample counts as in phase, shape (samples,); inf in the rest.
+        tolerance: largest weighted residual of a sample in phase, shape (samples,); inf in the rest.
         shortest: shortest window, as a part of the moving one.
     """
 
@@ -52,7 +52,7 @@ class StageWeights(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """Bounds of the coordinates, and those in which the residual is linear, each of shape (p,)."""
+    """Bounds of the coordinates, and flags of linear ones, shape (p,)."""
 
     lower: Any
     upper: Any
@@ -60,12 +60,12 @@ class Limits(NamedTuple):
 
 
 class Schedule(NamedTuple):
-    """How to go: as arrays, so that every way shares one compilation.
+    """Options of the solver, as arrays so that all share one compilation.
 
     Attributes:
-        tolerance: how near to come to the optimum, in standard errors.
-        sure: whether the start is known to keep the phase, so that one stage with everything will do.
-        steps: most passes of a stage.
+        tolerance: tolerance of the optimum, in standard errors.
+        sure: True if the start is in phase, so that one stage with all samples suffices.
+        steps: largest number of steps in a stage.
     """
 
     tolerance: Any = np.asarray(FINE)
@@ -74,20 +74,20 @@ class Schedule(NamedTuple):
 
 
 CONTINUE = Schedule(sure=np.asarray(True))
-# A robust loss is nearly flat far from its optimum: the way from that of squares takes some sixty small steps.
+# A robust loss is nearly flat far from its optimum: from that of least squares it takes some sixty small steps.
 CONTINUE_ROBUST = CONTINUE._replace(steps=np.asarray(4 * MAX_STEPS))
 EVALUATE_ONLY = Schedule(sure=np.asarray(True), steps=np.asarray(1))
 
 
 class Iterate(NamedTuple):
-    """Where a way ended.
+    """Result of a solve.
 
     Attributes:
         y: coordinates, shape (coordinates,).
-        status, iterations, stages: of the solver, and how many it took.
-        evaluation: what the samples of the last stage say; its residual and turning points are those of the last pass,
-            from which linear coordinates may still have moved.
-        derived: what the coordinates stand for.
+        status, iterations, stages: status of the solver, and numbers of iterations and stages.
+        evaluation: evaluation of the samples of the last stage. Its residual and turning points are those of the last
+            step; linear coordinates may have moved since.
+        derived: physical values for the coordinates.
     """
 
     y: Any
@@ -99,7 +99,7 @@ class Iterate(NamedTuple):
 
 
 def like_iterate(residual: Residual, *_: Any) -> Iterate:
-    """Something of the structure of what :func:`solve_in_stages` returns for a residual."""
+    """Return an object with the structure of an iterate for a residual."""
     none: Any = 0
     each = [none for _ in residual.runs]
     evaluation = Evaluation(*[none] * 5, runs=[Pass(none, none, none) for _ in each], pulls=each, blocks=each)
@@ -107,7 +107,7 @@ def like_iterate(residual: Residual, *_: Any) -> Iterate:
 
 
 class _State(NamedTuple):
-    """Where the solver is, how far its window reaches, and up to where it is trusted to keep the phase."""
+    """State of the solver, its window, and the largest trusted window."""
 
     y: Array
     status: Array
@@ -126,9 +126,10 @@ def solve_in_stages(
     y: Float[Array, " coordinates"],
     way: Schedule,
 ) -> Iterate:
-    """Least squares from coordinates `y`, in as many stages as it needs; with inputs of a rig behind them, only a look.
+    """Solve least squares from coordinates `y`, in as many stages as needed.
 
-    Stages would never move these, and a solver of so many coordinates be compiled for nothing.
+    With inputs of a rig only evaluate: stages would never move these inputs, and a solver for so many coordinates would
+    be compiled in vain.
     """
     none, y = jnp.asarray(0), jnp.asarray(y)
     if residual.inputs.shape[0]:
@@ -168,8 +169,8 @@ def solve_in_stages(
 def _least_squares(
     passes: EvaluationPasses, limits: Limits, y: Float[Array, " coordinates"], tolerance: Array, steps: Array
 ) -> "optimistix.Solution":
-    """One run of Levenberg-Marquardt from coordinates `y`."""
-    # Only who traces it needs the solver: a process that recalls the program is spared half a second of imports.
+    """Run Levenberg-Marquardt once from coordinates `y`."""
+    # Only tracing needs the solver; a process with the program in its cache saves an import of half a second.
     import optimistix
 
     from ..estimation.levenberg_marquardt import LevenbergMarquardt
@@ -185,12 +186,12 @@ def _least_squares(
     if isinstance(passes.loss, Squares):
         options["linear"] = limits.linear & (steps > 1)
     solver = LevenbergMarquardt(passes=passes, max_steps=steps, tolerance=tolerance)
-    # The passes know the model; of a function optimistix asks the shape. The solver counts its steps itself.
+    # The objective contains the model; optimistix needs only the shape of the function. The solver counts its steps.
     return optimistix.least_squares(lambda q, _: q, solver, y, options=options, max_steps=None, throw=False)
 
 
 def _until(t: Array, moving: Array, reach: Array) -> Array:
-    """Weights of the first part of the moving window of a run."""
+    """Return the weights of the first part of a run's moving window."""
     used = moving > 0
     begin, end = jnp.min(jnp.where(used, t, jnp.inf)), jnp.max(jnp.where(used, t, -jnp.inf))
     return jnp.where(t <= begin + jnp.minimum(reach, _MOVING) * (end - begin), moving, 0.0)

@@ -1,4 +1,7 @@
-"""Fits on disk: JSON with a schema version, readable without this package and never executed when read."""
+"""Store fits as JSON with a schema version, readable without this package.
+
+Reading a file never executes code.
+"""
 
 import dataclasses
 import json
@@ -20,14 +23,14 @@ from .restored import RECORDS, restored
 SCHEMA = "fricjax.fit/7"
 
 _LARGEST = 1_000_000_000
-"""Bytes of the largest file that is read; a million samples take about 100 MB."""
+"""Bytes of the largest readable file; a million samples take about 100 MB."""
 _SAMPLES = ("residuals", "times", "runs", "origins", "engine_used")
 _KINDS = {"residuals": tuple[np.ndarray, ...] | np.ndarray, "engine_used": AbstractEngine}
-"""Kinds of the fields that are declared to hold anything."""
+"""Types of the fields that are annotated as Any."""
 
 
 def to_dict(fit: Any) -> dict[str, Any]:
-    """The fit as plain data that JSON can hold, without the samples."""
+    """Convert a fit to plain data for JSON, without the samples."""
     names = [name for name in _saved(fit) if name not in _SAMPLES]
     fields = {name: getattr(fit, name) for name in names}
     fields["kinematics"] = {name: estimate._asdict() for name, estimate in fit.kinematics.items()}
@@ -35,12 +38,12 @@ def to_dict(fit: Any) -> dict[str, Any]:
 
 
 def _saved(fit: Any) -> list[str]:
-    """Names of the fields that a file has: all but the problem, from which only a fit at hand is solved again."""
+    """Return the names of the saved fields: all except the problem."""
     return [field.name for field in dataclasses.fields(fit) if field.name != "problem"]
 
 
 def plain_fields(value: Any) -> Any:
-    """A result of this package as JSON can hold it, with the names of its classes."""
+    """Convert a result to plain data for JSON, with class names."""
     if isinstance(value, eqx.Module):
         fields = {field.name: plain_fields(getattr(value, field.name)) for field in dataclasses.fields(value)}
         return {"type": type(value).__name__, **fields}
@@ -59,16 +62,16 @@ def plain_fields(value: Any) -> Any:
 
 
 def save(fit: Any, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
-    """Write the fit with its samples; the file appears whole or not at all."""
+    """Write the fit with its samples; replace the file as a whole."""
     content = {**to_dict(fit), "samples": {name: plain_fields(getattr(fit, name)) for name in _SAMPLES}}
     return write_text(path, json.dumps(content, allow_nan=False), overwrite=overwrite)
 
 
 def read_fit[F](path: str | os.PathLike[str], cls: type[F]) -> F:
-    """Read a fit of the class `cls` of all fits that :func:`save` wrote.
+    """Read a fit of the class `cls` written by :func:`save`.
 
     Raises:
-        DataError: no such file, or one that does not hold a fit of this schema; the sentence names the field.
+        DataError: no such file, or no fit of this schema; the message names the field.
     """
     source = Path(path)
     stored = _stored(source, _saved(cls))
@@ -82,7 +85,7 @@ def read_fit[F](path: str | os.PathLike[str], cls: type[F]) -> F:
 
 
 def _stored(path: Path, names: Sequence[str]) -> dict[str, Any]:
-    """What the file has for each field of a fit."""
+    """Return the content of the file for each field of a fit."""
     try:
         content = json.loads(read_content(path, _LARGEST))
     except FileNotFoundError as error:
@@ -95,7 +98,7 @@ def _stored(path: Path, names: Sequence[str]) -> dict[str, Any]:
         ) from error
     except DataError:
         raise
-    except ValueError as error:  # no JSON, another encoding, or a number of thousands of digits
+    except ValueError as error:  # invalid JSON, another encoding, or a number with thousands of digits
         raise DataError(f"{path} is not a JSON file: {str(error)[:200]}. Write fits with fit.save().") from error
     if not isinstance(content, dict) or content.get("schema") != SCHEMA:
         schema = content.get("schema") if isinstance(content, dict) else type(content).__name__
@@ -104,12 +107,12 @@ def _stored(path: Path, names: Sequence[str]) -> dict[str, Any]:
     merged = {**content, **(samples if isinstance(samples, dict) else {})}
     missing = [name for name in names if name not in merged]
     if missing:
-        raise DataError(f"{path} lacks {', '.join(missing)}: only files written by fit.save() can be loaded.")
+        raise DataError(f"{path} does not hold {', '.join(missing)}: only files written by fit.save() can be loaded.")
     return {name: merged[name] for name in names}
 
 
 def _check(fit: Any) -> None:
-    """One sentence for fields that do not belong to one another."""
+    """Raise an error if the fields are inconsistent."""
     errors = ("std_errors", "white_std_errors", "combined_std_errors")
     named: dict[str, Iterable[str]] = dict.fromkeys(errors, fit.names)
     named |= {"contributions": fit.names, "values": fit.names, "units": fit.values, "flags": fit.values}
@@ -117,7 +120,7 @@ def _check(fit: Any) -> None:
     for field, names in named.items():
         absent = [name for name in names if name not in getattr(fit, field)]
         if absent:
-            raise DataError(f"'{field}' lacks {brief(absent[0])}")
+            raise DataError(f"'{field}' has no entry {brief(absent[0])}")
     stds = [(name, std) for field in errors for name, std in getattr(fit, field).items()]
     for name, std in [*stds, *((name, estimate.std) for name, estimate in fit.kinematics.items())]:
         if std < 0:
@@ -128,7 +131,7 @@ def _check(fit: Any) -> None:
             raise DataError(f"'{field}' has shape {getattr(fit, field).shape} for {p} parameters")
     for name, _ in stds:
         if name not in fit.names:
-            raise DataError(f"a standard error is that of {brief(name)}, which is not among the names")
+            raise DataError(f"there is a standard error of {brief(name)}, which is not among the names")
     residuals = fit.residuals_by_run
     listed = {"residuals": residuals} | {
         name: getattr(fit, name) for name in ("times", "origins", "noises", "margins", "half_cycles", "sources")

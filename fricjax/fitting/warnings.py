@@ -1,4 +1,4 @@
-"""What a reader of the numbers of a fit must know, in sentences."""
+"""Warnings about a fit, in sentences."""
 
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -9,12 +9,12 @@ from ..data.inspect import implausible_scale
 from ..oscillator.restoring import Pendulum
 from ..show import engineering, plain
 from .diagnostics import Misfit, growth, holds_release, of_run, too_large
-from .noise_weighting import Other
+from .noise_weighting import AlternativeCount
 from .problem import Problem
 from .rest import Bracket, Margin
 from .solve import half_cycles
 
-# Part of the stiffness beyond which no record tells a contact from a rigid one, from which on it counts as such.
+# Part of the largest resolvable stiffness above which a contact counts as rigid.
 _RIGID = 1 - 1e-6
 
 
@@ -26,15 +26,17 @@ def warnings_of_model(
     bracket: Bracket | None,
     numerical_shift: float,
 ) -> Iterator[str]:
-    """What must be known of the model and of the stops, of a fit that was looked at by itself.
+    """Yield warnings about the model and the stops.
+
+    They are for single fits only.
 
     Args:
         problem: the problem that was solved.
         values: fitted values by name.
         margins: for each run the distance to another number of half-cycles.
-        excesses: for each run that ends in motion what the law leaves for it to move on.
+        excesses: for each run that ends in motion the least excess deflection at its reversals.
         bracket: interval of the static coefficient of a Coulomb law.
-        numerical_shift: how far numerical errors can have moved any parameter, in its standard errors.
+        numerical_shift: largest change of a parameter by numerical errors, in standard errors.
     """
     yield from _on_the_model(problem, values)
     yield from _on_the_errors(numerical_shift)
@@ -47,15 +49,17 @@ def warnings_of_run(
     values: Mapping[str, float],
     std_errors: Mapping[str, float],
     misfit: Misfit,
-    others: Sequence[Other],
+    others: Sequence[AlternativeCount],
 ) -> Iterator[str]:
-    """What the record and the fitted values tell by themselves, also of a run among many.
+    """Yield warnings about a record and its fitted values.
+
+    They are for single fits and batches.
 
     Args:
         problem: the problem that was solved.
         values: fitted values by name.
         std_errors: their standard errors.
-        misfit: its residuals beside its noise.
+        misfit: its residuals relative to its noise.
         others: other numbers of half-cycles that the record leaves possible.
     """
     unit = problem.windows[0].quantity
@@ -64,8 +68,8 @@ def warnings_of_run(
     yield from _on_other_numbers(problem, others)
     if values.get("damping", 0.0) < -thresholds.SUSPECTED * std_errors.get("damping", np.inf):
         yield (
-            "The damping is negative: no passive machine has that. It is the fingerprint of a friction law that falls "
-            "with velocity or of a missing term such as drag; bound it at zero or choose another law."
+            "The damping is negative, which no passive machine has. Likely causes are friction that falls with "
+            "velocity or a missing term such as drag. Bound it at zero or choose another law."
         )
     size = f"{misfit.size:.2e} {unit} rms{' in motion' if misfit.in_motion else ''}"
     yield from misfit.faults.values()
@@ -74,35 +78,35 @@ def warnings_of_run(
         if misfit.ratio > thresholds.DESCRIBED:
             yield f"The model does not describe the run: its {times}."
         else:
-            yield f"The {times}, and are taken for noise, a slow one: it may as well be something that the model lacks."
+            yield f"The {times}. They are treated as slow noise, but could also be model error."
         yield from _on_drift(problem, misfit)
         if any(holds_release(window) for window in problem.windows):
             yield (
-                "The window includes the release, whose transient biases friction. Start at the first reversal, which "
-                "is the default."
+                "The window includes the release, and its transient biases friction. Start at the first reversal, "
+                "which is the default."
             )
     elif misfit.size > thresholds.NOTICED * misfit.level:
         yield (
             f"The residuals of {size} are {misfit.size / misfit.level:.3g} times the noise of {misfit.level:.2e} "
-            f"{unit} that neighbouring samples show. Noise of the kind that was found may be so large, and so may be "
-            "what the model lacks."
+            f"{unit} between adjacent samples. The identified noise model can explain this, but so can an error of the "
+            "model."
         )
     elif misfit.size > thresholds.NOTICED * misfit.stated:
         yield (
             f"The noise is larger than stated: the residuals of {size} are {misfit.size / misfit.stated:.3g} times the "
-            f"stated {misfit.stated:.2e} {unit}, and so is the noise that the record itself shows."
+            f"stated {misfit.stated:.2e} {unit}. Adjacent samples of the record show the same noise."
         )
 
 
-def _on_other_numbers(problem: Problem, others: Sequence[Other]) -> Iterator[str]:
+def _on_other_numbers(problem: Problem, others: Sequence[AlternativeCount]) -> Iterator[str]:
     taken = half_cycles(problem)
     for counts, probability in others:
         if probability > thresholds.POSSIBLE:
             run = next(i for i, count in enumerate(counts) if count != taken[i])
             where = of_run(run, problem)
             yield (
-                f"The record leaves open whether the mass{where} stopped after {taken[run]} half-cycles or after "
-                f"{counts[run]}, with a probability of {probability:.2g}; the standard errors allow for both."
+                f"The record leaves the number of half-cycles{where} uncertain: {taken[run]} were assumed, and "
+                f"{counts[run]} have a probability of {probability:.2g}. The standard errors include both."
             )
 
 
@@ -123,8 +127,8 @@ def _on_growth(problem: Problem) -> Iterator[str]:
         if grown is not None:
             first, last = (engineering(path, window.quantity) for path in grown)
             yield (
-                f"The swing{of_run(i, problem)} grows with time, from half-cycles of {first} to {last}, which no free "
-                "decay does: is the time in reverse, or is the mass driven?"
+                f"The amplitude{of_run(i, problem)} grows with time, from half-cycles of {first} to {last}. No free "
+                "decay does this: is the time reversed, or is the mass driven?"
             )
 
 
@@ -132,12 +136,12 @@ def _on_the_model(problem: Problem, values: Mapping[str, float]) -> Iterator[str
     rigid = [p.name for p in problem.parameters if values[p.name] >= _RIGID * p.rigid]
     if rigid:
         yield (
-            f"The record does not tell the contact from a rigid one, where {' and '.join(rigid)} would be infinite. "
-            "A law without it, such as Coulomb, says the same with fewer coefficients."
+            f"The record is consistent with a rigid contact ({', '.join(rigid)} -> infinity). Use a law without it, "
+            "such as Coulomb, which has fewer coefficients."
         )
     if not {"mass", "stiffness"} & {parameter.kind for parameter in problem.parameters}:
         yield (
-            "The natural frequency is held fixed, although the trace knows it far better than any calibration. Free "
+            "The natural frequency is fixed, although the trace determines it far better than any calibration. Free "
             "the stiffness."
         )
 
@@ -153,21 +157,21 @@ def _on_the_errors(numerical_shift: float) -> Iterator[str]:
 def _on_the_rest(
     problem: Problem, margins: tuple[Margin | None, ...], excesses: tuple[float | None, ...]
 ) -> Iterator[str]:
-    """Whether the law stops the mass where the record does."""
+    """Yield warnings if the law stops the mass elsewhere than the record."""
     unit = problem.windows[0].quantity
     for i, margin in enumerate(margins):
         if margin is not None and min(margin) < -thresholds.NOTICED * problem.windows[i].stated:
             yield (
                 f"The law would stop the mass{of_run(i, problem)} after another number of half-cycles than the record "
-                f"shows (margins {margin.one_more:.2e}, {margin.one_less:.2e} {unit}): static friction or the model is "
-                "off."
+                f"shows (margins {margin.one_more:.2e}, {margin.one_less:.2e} {unit}). Check static friction and the "
+                "model."
             )
     for i, excess in enumerate(excesses):
         if excess is not None and excess < -thresholds.NOTICED * problem.windows[i].stated:
             yield (
                 f"The law would stop the mass{of_run(i, problem)} inside the record, which shows it moving to the "
-                f"end: at a reversal the spring lacks {-excess:.2e} {unit} to overcome static friction. Static "
-                "friction or the model is off."
+                f"end: at a reversal the deflection is {-excess:.2e} {unit} too small to overcome static friction. "
+                "Check static friction and the model."
             )
 
 
@@ -175,14 +179,14 @@ def _on_static_friction(bracket: Bracket | None) -> Iterator[str]:
     if bracket is not None and bracket.contradicted:
         low, high = plain(bracket.lower, 4), plain(bracket.upper, 4)
         yield (
-            "No static coefficient agrees with all stops: the dynamic coefficient and the stops ask for at least "
+            "No static coefficient agrees with all stops: the dynamic coefficient and the stops require at least "
             f"{high}, but the mass moved on where it must be below {low}. Static friction differs from stop to stop, "
-            "or a stop is misread; no value was put into the oscillator."
+            "or a stop was misread. The oscillator does not contain a static coefficient from these stops."
         )
 
 
 def implausible(problem: Problem, values: Mapping[str, float]) -> Iterator[str]:
-    """A sentence for each value that cannot be true, and for what was taken for granted when a record was read."""
+    """Yield a warning for each implausible value, and doubts about a record."""
     for window in problem.windows:
         yield from window.doubts
     for parameter in problem.parameters:

@@ -1,4 +1,4 @@
-"""Which part of a record is fitted, where the motion in it starts, and how its samples are weighted."""
+"""The fitted part of a record, its initial state, and its weights."""
 
 import dataclasses
 import functools
@@ -11,16 +11,16 @@ from ..errors import DataError, UsageError
 from .settings import check_start, nuisances_of
 
 NEVER = 10**9
-# Deflection at the end of a half-cycle, as a part of that at its start, below which it may creep in.
+# Deflection at the end of a half-cycle over that at its start, below which the mass may creep to rest.
 _CROSSED = 0.16
-# Duration of a half-cycle, as a part of that of the one before, below which the contact swings and not the spring.
+# Duration of a half-cycle over that of the one before, below which the mass oscillates on the contact, not the spring.
 _ABRUPT = 0.75
-# Steps of rounding from the middle of a rest that no flip between two neighbouring values makes.
+# Distance from the middle of a rest, in steps of rounding, that flips between two adjacent values do not reach.
 _MOVED = 1.5
-# Variance of rounded samples, in squared steps, with white noise of half a step: it averages their errors to
-# exp(-pi^2/2)/pi = 0.2 % of a step, where less leaves up to half of one (Widrow and Kollar 2008, Quantization Noise).
+# Variance of rounded samples, in squared steps, with white noise of half a step. It averages their errors to
+# exp(-pi^2/2)/pi = 0.2 % of a step; less noise leaves up to half a step (Widrow and Kollar 2008, Quantization Noise).
 DITHERED = 1 / 4 + 1 / 12
-# Standstills on alternating sides that tell the equilibrium and the decay.
+# Fewest turning points on alternating sides that determine equilibrium and decay.
 _FEWEST = 3
 
 
@@ -31,17 +31,17 @@ class Window:
     Attributes:
         trace: the whole record; `quantity` its unit ("m" or "rad").
         segmentation: reversals, rest and noise of the record.
-        origin: time that counts as zero for this run [s].
-        t_start: time of the state from which the motion is computed [s].
-        used: True where a sample is fitted; `moving`: the same without the rest.
-        repeated: True where a sample is left out since it errs by rounding as one that is used does.
-        sigma: noise of each sample; `sigma_source` says where it comes from.
+        origin: zero of the time of this run [s].
+        t_start: time of the initial state of the computed motion [s].
+        used: True for fitted samples; `moving`: the same without the rest.
+        repeated: True for samples that are dropped because they repeat the rounding error of a used one.
+        sigma: noise of each sample; `sigma_source`: its source.
         half_cycles: number of half-cycles from `t_start` to the stop, or to the reversal at which the window ends;
-            `NEVER` where the record ends in motion.
-        nuisances: names of this run's own free parameters.
+            `NEVER` if the record ends in motion.
+        nuisances: names of this run's free parameters.
         guesses: start values of x0, v0, offset, drift, t_release and z0.
-        doubts: what was taken for granted when the record was read, in sentences.
-        name: of the file that the record comes from; empty where it has none.
+        doubts: assumptions made when the record was read, in sentences.
+        name: file name of the record; empty if unknown.
     """
 
     trace: Trace
@@ -67,13 +67,13 @@ class Window:
 
     @property
     def stopped(self) -> float:
-        """Time of the run from which on the mass rests [s]; inf where the record ends in motion."""
+        """Time of the run when the mass stops [s], else inf."""
         rest = self.segmentation.rest
         return np.inf if rest is None else rest - self.origin
 
     @property
     def completed(self) -> int:
-        """Completed half-cycles in the window."""
+        """Number of completed half-cycles in the window."""
         later = int(np.sum(self.segmentation.turning_times > self.t_start + self.segmentation.half_period / 4))
         return later + (self.segmentation.rest is not None)
 
@@ -86,14 +86,14 @@ def open_window(
     Args:
         data: a record or a bare trace.
         start: "first_reversal", "release", or seconds from the first sample.
-        nuisance: names of the run's own free parameters; None for those that belong to `start`.
-        keeps_memory: whether the law has internal states. These are known within a half-cycle only, so the state is
-            then fitted half a half-cycle before the first reversal.
-        creeps: whether the law creeps where the mass rests, so that samples there are left out, and with them a last
-            half-cycle that creeps in before it has turned.
+        nuisance: names of the run's free parameters; None for the default of `start`.
+        keeps_memory: True if the law has internal states. These are known within a half-cycle only, so the fitted state
+            is then half a half-cycle before the first reversal.
+        creeps: True if the law creeps during a rest. Samples there are then dropped, and also a last half-cycle that
+            creeps to rest before it has turned.
 
     Raises:
-        DataError: a record without the motion that `start` asks for.
+        DataError: a record without the motion that `start` requires.
         UsageError: an unknown `start` or nuisance parameter.
     """
     data = data if isinstance(data, Record) else Record(data)
@@ -132,9 +132,10 @@ def open_window(
 
 
 def without_ringing(segmentation: Segmentation) -> Segmentation:
-    """The same without the swings of a contact that holds the mass: far shorter half-cycles than those of the spring.
+    """Drop oscillations on the contact that holds the mass.
 
-    The first of them begins at the reversal at which the mass has come to rest.
+    Their half-cycles are much shorter than those on the spring. The first one begins at the reversal at which the mass
+    comes to rest.
     """
     lasts = np.diff(segmentation.turning_times)
     abrupt = np.flatnonzero(lasts[1:] < _ABRUPT * lasts[:-1])
@@ -155,7 +156,7 @@ def without_ringing(segmentation: Segmentation) -> Segmentation:
 
 
 def _start(data: Record, start: str | float, segmentation: Segmentation, t: np.ndarray) -> tuple[str, float, float]:
-    """Kind of start, time of the starting state, and time from which samples are used."""
+    """Return mode, time of the initial state, and time of the window."""
     if start == "first_reversal":
         if not segmentation.turning_times.size:
             raise DataError("The record holds no reversal to start from. Fit from the release: start='release'.")
@@ -181,9 +182,10 @@ def _noise(trace: Trace, segmentation: Segmentation) -> tuple[np.ndarray, str]:
 
 
 def _repeated(t: np.ndarray, x: np.ndarray, fitted: np.ndarray, segmentation: Segmentation) -> np.ndarray:
-    """All but the first sample of a rest that no noise dithers, for there all errors of rounding are one error.
+    """Return True for samples that repeat the rounding error of a rest.
 
-    The rest is here what never leaves its two neighbouring values again, wherever the stop was read.
+    These are all samples but the first in a rest without noise that dithers the rounding. The rest here is the final
+    part of the record that does not leave two adjacent values, wherever the stop was detected.
     """
     repeated = np.zeros(t.shape, bool)
     resting = fitted & (t > (np.inf if segmentation.rest is None else segmentation.rest))
@@ -199,17 +201,17 @@ def _repeated(t: np.ndarray, x: np.ndarray, fitted: np.ndarray, segmentation: Se
 
 
 def _last_reversal(segmentation: Segmentation) -> int | None:
-    """Index of the last reversal before a half-cycle that hardly crosses the equilibrium; None where all do.
+    """Return the last reversal before a creeping half-cycle, if any.
 
-    So does one that friction at its full strength would not let cross: a law that creeps is weaker at low speed, and
-    takes the mass there and back long after its phase has ceased to run evenly. The end of the last half-cycle,
-    which is no reversal, is where the decay so far leads.
+    Such a half-cycle hardly crosses the equilibrium, or would not cross it with friction at full strength: a law that
+    creeps is weaker at low speed, and moves the mass there and back long after its phase has become irregular. The end
+    of the last half-cycle, which is no reversal, is extrapolated from the decay.
     """
     place = extremes(segmentation)[1] - equilibrium(segmentation)
     swing = np.abs(place)
     if swing.size < _FEWEST:
         return None
-    # A creep that is read as a reversal ends on the side on which it began.
+    # A creep that is detected as a reversal ends on the side on which it began.
     after = np.append(-np.sign(place[:-1]) * place[1:], 2 * swing[-1] - swing[-2])
     after = np.minimum(after, swing - 2 * _band(swing))
     short = np.flatnonzero(after < _CROSSED * swing)
@@ -218,18 +220,21 @@ def _last_reversal(segmentation: Segmentation) -> int | None:
 
 
 def _band(swing: np.ndarray) -> float:
-    """Dead band [m] from what successive deflections lose, to friction, damping and drag."""
-    # Where the mass is fast, friction has its full strength.
+    """Return the dead band from the decrease of successive deflections [m].
+
+    They also lose amplitude to damping and drag.
+    """
+    # At high speed friction has its full strength.
     mean = (swing[:-1] + swing[1:]) / 2
     columns = np.stack([np.full(mean.size, 2.0), mean, mean**2 / swing[0]], axis=1)
     return float(non_negative(columns * mean[:, None], (swing[:-1] - swing[1:]) * mean)[0])
 
 
 def non_negative(columns: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Least squares by coefficients that are not negative, shape (k,), for the few columns of a loss.
+    """Solve least squares with non-negative coefficients, shape (k,).
 
-    It is the best of those by some of the columns that come out positive. `scipy.optimize` has it for many columns, at
-    the price of an import that a first fit would wait for longer than for its solve.
+    It tries all subsets of the few columns, and keeps the best with positive coefficients. `scipy.optimize` has a
+    solver for many columns, but its import takes longer than a first solve.
     """
     best, least, rounding = np.zeros(columns.shape[1]), values @ values, 1e-15 * (values @ values)
     for chosen in itertools.product((False, True), repeat=best.size):
@@ -243,7 +248,7 @@ def non_negative(columns: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def _half_cycles(segmentation: Segmentation, t_start: float, last_reversal: int | None) -> int:
-    """Half-cycles from the start until the mass stops, or to the last fitted reversal."""
+    """Return half-cycles from the start to the stop or last reversal."""
     times = segmentation.turning_times[: None if last_reversal is None else last_reversal + 1]
     later = times > t_start + segmentation.half_period / 4
     if last_reversal is None and segmentation.rest is None:
@@ -261,7 +266,10 @@ def _guess_state(
     mode: str,
     nuisances: tuple[str, ...],
 ) -> dict[str, float]:
-    """Start values of the run's own parameters, in times counted from `origin`; an offset that is not free is zero."""
+    """Return start values of the run's parameters, in times relative to `origin`.
+
+    An offset that is not free is zero.
+    """
     offset = equilibrium(segmentation) if "offset" in nuisances else 0.0
     first = (
         segmentation.turning_times.size > 0
@@ -272,13 +280,13 @@ def _guess_state(
     else:
         near = mask & (t >= t_start) if mode == "release" else mask
         x0, v0 = _local_state(t[near], x[near], t_start, segmentation.half_period)
-        # A release is from rest; only where v0 is free does its start value stay away from the kink at zero.
+        # A release is from rest. A free v0 needs a start value away from the kink at zero.
         v0 = 0.0 if mode == "release" and "v0" not in nuisances else v0
     return {"x0": x0 - offset, "v0": v0, "offset": offset, "drift": 0.0, "t_release": t_start - origin, "z0": 1.0}
 
 
 def _local_state(t: np.ndarray, x: np.ndarray, at: float, half_period: float) -> tuple[float, float]:
-    """Position and velocity at a time from a cubic through the samples about it."""
+    """Return position and velocity at a time, from a local cubic fit."""
     near = np.abs(t - at) <= half_period / 6
     if near.sum() < 8:
         near = np.argsort(np.abs(t - at))[:8]
@@ -288,7 +296,10 @@ def _local_state(t: np.ndarray, x: np.ndarray, at: float, half_period: float) ->
 
 
 def extremes(segmentation: Segmentation) -> tuple[np.ndarray, np.ndarray]:
-    """Times and positions of the reversals, and where these are few of the release before them if it was from rest."""
+    """Return times and positions of the reversals.
+
+    If these are few, a release from rest is added.
+    """
     times, points = segmentation.turning_times, segmentation.turning_points
     if points.size >= _FEWEST or segmentation.release_position is None:
         return times, points
@@ -296,7 +307,10 @@ def extremes(segmentation: Segmentation) -> tuple[np.ndarray, np.ndarray]:
 
 
 def equilibrium(segmentation: Segmentation) -> float:
-    """Equilibrium of the spring, from reversals on alternating sides: (X[n-1] + 2 X[n] + X[n+1])/4."""
+    """Return the equilibrium of the spring, from turning points.
+
+    For turning points on alternating sides it is (X[n-1] + 2 X[n] + X[n+1])/4.
+    """
     _, points = extremes(segmentation)
     if points.size >= _FEWEST:
         return float(np.median((points[:-2] + 2 * points[1:-1] + points[2:]) / 4))

@@ -10,7 +10,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ..friction.base import Scalar, State
 from ..show import Report, Reported, Style, axis_label, engineering, figure, scaled, styled
-from ..show.tables import Variable, dataset
+from ..show.tables import Variable, dataframe, dataset
 from ..show.thumbnail import Curve, curves_svg
 
 _SAMPLED = {"t": "s", "x": "m", "v": "m/s", "friction_force": "N", "at_rest": ""}
@@ -159,10 +159,6 @@ class Motion(eqx.Module, Reported):
 
         A batch has the numbers of its motions in columns `motion_0`, ..., one for each axis.
         """
-        import pandas as pd
-
         numbers = {f"motion_{i}": index.ravel() for i, index in enumerate(np.indices(self.x.shape)[:-1])}
         samples = {name: np.broadcast_to(getattr(self, name), self.x.shape).ravel() for name in _SAMPLED}
-        frame = pd.DataFrame(numbers | samples)
-        frame.attrs["units"] = dict(_SAMPLED)
-        return frame
+        return dataframe(numbers | samples, _SAMPLED)

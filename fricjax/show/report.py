@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from .tables import Table
+from .tables import Table, dataframe
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -84,11 +84,8 @@ class Report:
         """
         if self.tables:
             return self.tables[0].to_dataframe()
-        import pandas as pd
-
-        frame = pd.DataFrame([{name: math.nan if value is None else value for name, value in self.data.items()}])
-        frame.attrs["units"] = dict(self.units)
-        return frame
+        row = {name: math.nan if value is None else value for name, value in self.data.items()}
+        return dataframe([row], self.units)
 
 
 class Reported(abc.ABC):

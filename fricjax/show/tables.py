@@ -106,15 +106,11 @@ class Table:
         and a value with a standard uncertainty `NAME` and `NAME_std`, or `value` and `std`. The units of the table are
         in ``attrs["units"]``.
         """
-        import pandas as pd
-
         rows = [
             {name: value for pair in zip(self.columns, row, strict=True) for name, value in _numbers(*pair).items()}
             for row in self.rows
         ]
-        frame = pd.DataFrame(rows)
-        frame.attrs["units"] = dict(self.units)
-        return frame
+        return dataframe(rows, self.units)
 
     def __str__(self) -> str:
         return self.text()
@@ -160,6 +156,25 @@ def _html_row(tag: str, cells: Sequence[str], styles: Sequence[str]) -> str:
     pairs = zip(cells, styles, strict=True)
     inner = "".join(f'<{tag} style="text-align:{align}{nowrap(cell)}">{escape(cell)}</{tag}>' for cell, align in pairs)
     return f"<tr>{inner}</tr>"
+
+
+def dataframe(numbers: Any, units: Mapping[str, str]) -> "DataFrame":
+    """Make a data frame of pandas with units.
+
+    Args:
+        numbers: arrays by column, or a list of rows, each a mapping by column.
+        units: SI units by column, which become ``attrs["units"]``.
+
+    Examples:
+        >>> from fricjax.show.tables import dataframe
+        >>> dataframe({"t": [0.0, 0.1], "x": [0.0, 2e-3]}, {"t": "s", "x": "m"}).attrs
+        {'units': {'t': 's', 'x': 'm'}}
+    """
+    import pandas as pd
+
+    frame = pd.DataFrame(numbers)
+    frame.attrs["units"] = dict(units)
+    return frame
 
 
 class Variable(NamedTuple):

@@ -84,7 +84,7 @@ def test_a_rig_file_holds_errors_of_the_instrument(fricjax, tmp_path):
     assert report["combined_std_errors"]["mu"] == pytest.approx(
         np.hypot(report["std_errors"]["mu"], np.linalg.norm(list(parts.values())))
     )
-    assert "of mu displacement_scale" in fricjax("fit", RUN, "--rig", rig).out
+    assert "mu: displacement_scale 96 % of the variance" in fricjax("fit", RUN, "--rig", rig).out
 
 
 def test_fit_without_a_rig_gives_the_kinematics(fricjax):

@@ -170,4 +170,4 @@ def test_a_rig_that_cannot_swing_as_the_record_does_is_remarked_on():
     assert not fj.half_cycle_friction(files.run, rig).notes
     heavy = rig.replace(mass=1e3 * 0.4107, stiffness=2574.0, damping=0.18)
     (note,) = fj.half_cycle_friction(files.run, heavy).notes
-    assert "the machine swings at 0.3984 Hz, but the record at 12.6 Hz" in note and "A mass in g" in note
+    assert "natural frequency of 0.3984 Hz, but the record oscillates at 12.6 Hz" in note and "a mass in g" in note

@@ -296,7 +296,7 @@ def test_a_batch_counts_by_the_noise_of_each_run():
         for name in MACHINE:
             assert batch.values[name][i] == pytest.approx(alone.values[name], abs=0.02 * alone.std_errors[name])
             assert batch.std_errors[name][i] == pytest.approx(alone.std_errors[name], rel=1e-2)
-    assert batch.to_dataframe()["noise"][0] == "" and "remembers" in batch.to_dataframe()["noise"][1]
+    assert batch.to_dataframe()["noise"][0] == "" and "has a correlation time of" in batch.to_dataframe()["noise"][1]
 
 
 def test_criteria_prefer_the_colour_that_is_there():

@@ -114,7 +114,7 @@ def bootstrap(given):
 
 def hierarchical(given):
     mean, scatter, error = 0.05 + 1e-4 * DRAWS[:, :, 0], 1e-4 + 1e-9 * DRAWS[:, :, 2], DRAWS[:, :, 1]
-    names = ("mean", "scatter", "load")
+    names: list[str] = ["mean", "scatter", "load"]
     r_hat, effective = dict.fromkeys(names, 1.001), dict.fromkeys(names, 250.0)
     runs, values = np.zeros((2, 200, 3)), np.full(3, 0.05)
     found = Hierarchical("mu", "", mean, scatter, {"load": error}, runs, values, values / 1e6, r_hat, effective, 0)
