@@ -80,7 +80,7 @@ def test_numbers_come_back_with_all_their_digits():
 
 def test_a_report_without_tables_has_a_frame_of_its_data():
     frame = full(tables=[], data={"noise": 5e-9, "rest": None}).to_dataframe()
-    assert frame["noise"].tolist() == [5e-9] and np.isnan(frame["rest"][0])
+    assert frame["noise"].tolist() == [5e-9] and frame["rest"].isna().tolist() == [True]
 
 
 class Pair(NamedTuple):

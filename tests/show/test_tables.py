@@ -35,7 +35,8 @@ def test_a_frame_holds_the_numbers_of_the_cells():
     assert table.cells() == [["mu", "0.20(10)", "12 nm", "no stop"]]
     frame = table.to_dataframe()
     assert list(frame) == ["name", "at_r_hat", "at_r_hat_std", "noise", "runs", "stop"]
-    assert frame["noise"][0] == 1.2e-8 and np.isnan(frame["noise"][1]) and np.isnan(frame["stop"][0])
+    assert frame["noise"].isna().tolist() == [False, True] and frame["stop"].isna().tolist() == [True, False]
+    assert frame["noise"].tolist()[0] == 1.2e-8
     assert frame["at_r_hat"].tolist() == [0.2, 2500.0] and frame["at_r_hat_std"].tolist() == [0.1, 0.0]
     assert frame.attrs["units"] == {"noise": "m"}
 
