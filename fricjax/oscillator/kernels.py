@@ -2,10 +2,12 @@
 
 XLA for the CPU compiles each fused operation of a program as a separate function, in ten to twenty milliseconds, and a
 fit has 300 to 600 of them. XLA compiles a call that is marked as small into one function. This module collects
-consecutive operations into such calls, after differentiation and batching. Compiling then takes two thirds of the time.
+consecutive operations into such calls, after differentiation and batching. Compiling then takes two thirds of the
+time.
 
-XLA documents no rules for the content of a marked call. `enabled` is True only for the versions that were tried; otherwise
-programs are compiled unchanged. Three cases abort the process instead of raising an error, so this module avoids them:
+XLA documents no rules for the content of a marked call. `enabled` is True only for the versions that were tried;
+otherwise programs are compiled unchanged. Three cases abort the process instead of raising an error, so this module
+avoids them:
 
 - a call with an unused argument, also one that simplification makes unused. Arguments therefore pass an optimisation
   barrier, and the call returns one number that depends on all of them.

@@ -1,11 +1,11 @@
 """Compiled functions that a later process need not trace again.
 
-JAX keeps the programs that XLA has compiled. To find one, each process traces and lowers the function again, which for a
-bristle law takes longer than its fits. `Program` therefore keeps the lowered programs as well, in the same folder and in
-the exchange format of JAX. The file name is a digest of everything the program depends on: the source of this package,
-the versions of its dependencies, and the classes, settings and array shapes of the arguments. Programs are kept only if
-all classes of the arguments belong to this package: the source of a class from elsewhere may change under the same name.
-If you change functions or constants of this package in a running process, switch the folder off.
+JAX keeps the programs that XLA has compiled. To find one, each process traces and lowers the function again, which for
+a bristle law takes longer than its fits. `Program` therefore keeps the lowered programs as well, in the same folder and
+in the exchange format of JAX. The file name is a digest of everything the program depends on: the source of this
+package, the versions of its dependencies, and the classes, settings and array shapes of the arguments. Programs are
+kept only if all classes of the arguments belong to this package: the source of a class from elsewhere may change under
+the same name. If you change functions or constants of this package in a running process, switch the folder off.
 """
 
 import contextlib
@@ -36,8 +36,8 @@ try:
 except ImportError:  # the marks are made of experimental names of JAX; without them programs compile as they are
     kernels = None
 
-# A program of a fit holds 400 to 800 memory mappings, a process may have 65,530, and there are three functions. A dropped
-# program is loaded again in half a second.
+# A program of a fit holds 400 to 800 memory mappings, a process may have 65,530, and there are three functions. A
+# dropped program is loaded again in half a second.
 MOST = 24
 
 # Tracing holds the lock of the interpreter. One thread traces at a time, so that the first one compiles while the next

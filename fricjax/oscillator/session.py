@@ -80,8 +80,9 @@ _THREAD = threading.local()
 def one_at_a_time() -> Iterator[None]:
     """Run the Python part of a fit in one thread.
 
-    BLAS gets one thread too. Other threads run during `waiting`. Without this lock, threads switch at each call of NumPy, and two of them take a
-    third longer than one for the same work (1000 resampled records: 6.0 s, with the lock 4.6 s).
+    BLAS gets one thread too. Other threads run during `waiting`. Without this lock, threads switch at each call of
+    NumPy, and two of them take a third longer than one for the same work (1000 resampled records: 6.0 s, with the lock
+    4.6 s).
 
     Examples:
         >>> with one_at_a_time():
@@ -154,8 +155,8 @@ def _keep_programs() -> None:
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
-    # JAX has no public way to name another store. If one of these names moves, JAX keeps programs in its own store, which
-    # does not replace damaged ones.
+    # JAX has no public way to name another store. If one of these names moves, JAX keeps programs in its own store,
+    # which does not replace damaged ones.
     with contextlib.suppress(ImportError):
         from jax._src import compilation_cache
         from jax.experimental.compilation_cache.compilation_cache import reset_cache

@@ -208,9 +208,8 @@ class Events(AbstractEngine):
     def _next(self, machine: _Machine, taus: Array, end: Array, most: Array, at: _Phase) -> _Phase:
         """Integrate and sample one phase; return the next one."""
         tolerance = jnp.maximum(_SHARE * self.accuracy / machine.scaled.length, _FINEST)
-        # An error of the root moves the next half-cycle only to second order, since the mass hardly moves at a
-        # reversal. Newton's method fails for a slide that ends within its first step: the velocity vanishes at both
-        # ends of it.
+        # An error of the root moves the next half-cycle only to second order. Newton's method fails for a slide that
+        # ends within its first step, because the velocity vanishes at both ends.
         finder = optimistix.Bisection(rtol=1e-10, atol=1e-10)
         width = min(_WINDOW, taus.size)
         first = jnp.clip(jnp.searchsorted(taus, at.tau, side="right") - 1, 0, taus.size - width)
