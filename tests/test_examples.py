@@ -12,19 +12,26 @@ FILES = [path for path in sorted(PACKAGE.rglob("*.py")) if ">>> " in path.read_t
 # Examples that compile a program of their law or sampler for seconds.
 SLOW = [
     "archive/archive",
+    "archive/driver",
     "calibrate/ringdown",
+    "calibrate/ringdown_calibration",
     "comparison/compare",
+    "comparison/result",
     "energy_loss/agreement",
+    "energy_loss/force_fit",
     "fitting/moving_floor",
     "oscillator/engines/events",
+    "pairs/final_displacement",
     "pairs/release",
     "sensitivity/campaign",
     "sensitivity/directions",
+    "sensitivity/fisher",
     "sensitivity/optimal",
     "sensitivity/variance",
     "uncertainty/fitted",
     "uncertainty/hierarchy",
     "uncertainty/profiles",
+    "uncertainty/resampling",
     "uncertainty/sampling",
 ]
 

@@ -81,6 +81,7 @@ def test_equivalent_damping_is_the_decrement_of_a_run(viscous):
     assert np.all(equivalent > 1.02 * RATIO)
 
 
+@pytest.mark.slow
 def test_rig_of_a_ringdown_scales_with_the_mass(cubic):
     rig = cubic.rig(Measured(MASS, 1e-4 * MASS), normal_force=LOAD)
     assert rig.k3 is not None

@@ -15,9 +15,9 @@ from fricjax.comparison import cross_validation
 from fricjax.comparison.candidates import identifiable_coefficients
 from fricjax.errors import DataError, UsageError
 from fricjax.friction import Coulomb, Dahl, LuGre, QuadraticDrag, Stribeck, Tanh
-from tests.fitting.runs import STIFFNESS, coulomb_run
 from tests.fitting.test_whiteness import autoregressive
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
+from tests.machines import STIFFNESS, coulomb_run
 from tests.oracles import coulomb_viscous
 
 LOAD, MU, NOISE = 9.66, 0.02, 1e-9

@@ -87,6 +87,7 @@ def test_the_losses_of_a_run_without_contact_stand_where_the_rig_is_uncertain():
     assert found.mu.std == pytest.approx(5e-3 * found.mu.value, rel=1e-2)
 
 
+@pytest.mark.slow
 def test_the_scatter_betrays_a_law_that_depends_on_velocity():
     found = half_cycle_friction(campaign(Stribeck(0.05, 0.065, 5e-3), 1.3e-3, 2e-3, 4), RIG)
     assert found.chi2_reduced > 10

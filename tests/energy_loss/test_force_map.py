@@ -27,6 +27,7 @@ def truth(found, static=0.05):
     return np.sign(found.velocity) * LOAD * (0.05 + (static - 0.05) * np.exp(-((found.velocity / 5e-3) ** 2)))
 
 
+@pytest.mark.slow
 def test_a_stribeck_curve_lies_within_its_uncertainties():
     found = stribeck_map()
     deviation = (found.force - truth(found, 0.065)) / found.std

@@ -108,6 +108,7 @@ def test_projection_is_the_pass_at_the_conditional_optimum(y):
     np.testing.assert_allclose(found.normal, direct.normal, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_the_offset_at_the_start_makes_no_difference():
     """Vary the starting offset and drift over many orders of magnitude.
 
@@ -125,6 +126,7 @@ def test_the_offset_at_the_start_makes_no_difference():
         np.testing.assert_allclose(f.stats["cost"], joint.stats["cost"], rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_bounded_coordinates_are_not_projected():
     found = solve(decay, (1.0, 1.0, 0.0), upper=(9.0, 9.0, 0.2), linear=jnp.asarray([False, False, True]))
     plain = solve(decay, (1.0, 1.0, 0.0), upper=(9.0, 9.0, 0.2))

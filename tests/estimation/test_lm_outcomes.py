@@ -42,7 +42,7 @@ BROKEN_AT_THE_START = {
 }
 
 
-@pytest.mark.parametrize("name", BROKEN_AT_THE_START)
+@pytest.mark.parametrize("name", cases(BROKEN_AT_THE_START, ["nan in tangents only"]))
 def test_a_start_that_is_not_finite_is_said_to_be_so(name):
     found = solve(BROKEN_AT_THE_START[name], (-1.0, 1.0, 0.0))
     assert (status(found), steps(found)) == (NOT_FINITE, 1)
@@ -161,6 +161,10 @@ def test_data_without_noise_end_at_the_floor_of_rounding():
     assert np.asarray(found.value) == pytest.approx([5.0, 1.7, 0.5], rel=1e-10)
 
 
+def one_after_another(fn):
+    return lambda lanes: jax.lax.map(fn, lanes)
+
+
 def fit_lane(lane):
     """Fit one of five lanes.
 
@@ -181,7 +185,7 @@ def fit_lane(lane):
     return found.value, found.stats["status"], found.stats["num_steps"]
 
 
-@pytest.mark.parametrize("map_over", [jax.vmap, lambda fn: lambda lanes: jax.lax.map(fn, lanes)], ids=["vmap", "map"])
+@pytest.mark.parametrize("map_over", cases([jax.vmap, one_after_another], [jax.vmap]))
 def test_each_lane_has_its_own_status_and_nothing_compiles_twice(map_over):
     run = eqx.filter_jit(eqx.debug.assert_max_traces(map_over(fit_lane), max_traces=1))
     value, outcome, taken = run(jnp.arange(5))

@@ -11,6 +11,7 @@ from fricjax.estimation.loss import Cauchy, Huber, SoftL1, Squares
 from fricjax.estimation.passes import DensePasses, gather, residual_and_jacobian
 from fricjax.estimation.status import CONVERGED
 from tests.fitting.problems import T, clean_decay, decay, solve, status, steps
+from tests.tiers import cases
 
 LOSSES = {"linear": Squares(), "huber": Huber(1.5), "soft_l1": SoftL1(1.5), "cauchy": Cauchy(1.5)}
 AT = jnp.asarray([4.0, 1.2, 0.3])
@@ -49,7 +50,7 @@ def test_any_part_that_is_not_finite_shows(spoil):
     assert not there._replace(**{spoil: getattr(there, spoil) * jnp.nan}).finite
 
 
-@pytest.mark.parametrize("name", LOSSES)
+@pytest.mark.parametrize("name", cases(LOSSES, ["huber"]))
 def test_sums_of_pieces_are_the_sums_of_the_whole(name):
     residual, jacobian = map(np.asarray, residual_and_jacobian(spoilt, AT))
     gathered = jax.jit(gather)
@@ -58,7 +59,7 @@ def test_sums_of_pieces_are_the_sums_of_the_whole(name):
     jax.tree.map(lambda a, *b: np.testing.assert_allclose(sum(b), a, rtol=1e-12), whole, *pieces)
 
 
-@pytest.mark.parametrize("name", LOSSES)
+@pytest.mark.parametrize("name", cases(LOSSES, ["huber"]))
 def test_weight_and_curvature_are_derivatives_of_the_loss(name):
     loss, r = LOSSES[name], jnp.asarray([-9.0, -1.4, -0.3, 0.0, 0.2, 1.1, 1.9, 50.0])
     half = lambda q: loss.parts(q[None])[0][0] / 2
@@ -69,7 +70,7 @@ def test_weight_and_curvature_are_derivatives_of_the_loss(name):
     assert np.all(np.asarray(rho) <= np.asarray(r) ** 2 * (1 + 1e-12))
 
 
-@pytest.mark.parametrize("name", LOSSES)
+@pytest.mark.parametrize("name", cases(LOSSES, ["huber"]))
 def test_a_pass_has_the_gradient_of_its_cost(name):
     passes = DensePasses(LOSSES[name])
     cost = lambda y: passes(with_function(spoilt), y, None).cost
@@ -78,7 +79,7 @@ def test_a_pass_has_the_gradient_of_its_cost(name):
     )
 
 
-@pytest.mark.parametrize("name", ["huber", "soft_l1", "cauchy"])
+@pytest.mark.parametrize("name", cases(["huber", "soft_l1", "cauchy"], ["huber"]))
 def test_the_robust_optimum_of_scipy(name):
     fn = lambda p: np.asarray(spoilt(jnp.asarray(p)))
     expected = scipy_least_squares(

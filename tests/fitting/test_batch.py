@@ -7,7 +7,7 @@ import fricjax as fj
 from fricjax.errors import UsageError
 from fricjax.fitting import chunks, mesh
 from tests.compilations import compilations
-from tests.fitting.runs import MACHINE, RIGS, coulomb_run, noisy, oscillator
+from tests.machines import MACHINE, RIGS, coulomb_run, noisy, oscillator
 
 SLIDING = oscillator(RIGS["sliding"], "Coulomb")
 STARTS = (2e-3, 1.6e-3, 2.4e-3, 1.2e-3)

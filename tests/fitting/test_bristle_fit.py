@@ -13,8 +13,8 @@ import pytest
 from fricjax import Fit, Oscillator, Trace, fit, simulate
 from fricjax.errors import UsageError
 from fricjax.friction import Coulomb, Dahl, LuGre, MaxwellSlip, RateState
-from tests.fitting.runs import MACHINE, RIGS, SIGMA0, SIGMA1, STIFFNESS, coulomb_run, noisy, truth
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
+from tests.machines import MACHINE, RIGS, SIGMA0, SIGMA1, STIFFNESS, coulomb_run, noisy, truth
 from tests.oracles import lugre_motion
 
 SEEDS, RIG = 2, RIGS["sliding"]

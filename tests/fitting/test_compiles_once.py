@@ -10,8 +10,8 @@ from fricjax import Oscillator, Record, Trace, fit, synthetic_run
 from fricjax.friction import BlimanSorine, Coulomb
 from fricjax.oscillator.program import forget_programs
 from tests.compilations import compilations
-from tests.fitting.runs import MACHINE, RIGS, STIFFNESS, coulomb_run, noisy, oscillator
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
+from tests.machines import MACHINE, RIGS, STIFFNESS, coulomb_run, noisy, oscillator
 
 
 def test_compilations_are_counted():

@@ -13,8 +13,8 @@ from fricjax.estimation.passes import residual_and_jacobian
 from fricjax.fitting import problem
 from fricjax.friction import Coulomb
 from tests.fitting.problem_of import problem_of
-from tests.fitting.runs import MACHINE, STIFFNESS, coulomb_run
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
+from tests.machines import MACHINE, STIFFNESS, coulomb_run
 
 OSCILLATOR = Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, 9.66, Coulomb(0.05))
 

@@ -9,8 +9,8 @@ from fricjax.fitting.noise_weighting import End, doubt_of
 from fricjax.fitting.rest import with_counts
 from fricjax.fitting.solve import solve
 from tests.fitting.problem_of import problem_of
-from tests.fitting.runs import MACHINE, STIFFNESS, Rig, oscillator
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
+from tests.machines import MACHINE, STIFFNESS, Rig, oscillator
 from tests.oracles import Decay, coulomb_viscous
 
 RIG = Rig(load=1.89, mu=0.01, rate=2e3, duration=4.8, noise=0.05)

@@ -9,8 +9,8 @@ import pytest
 from fricjax import Oscillator, Record, Trace, fit
 from fricjax.errors import DataError, UsageError
 from fricjax.friction import Coulomb, LuGre, QuadraticDrag, Stribeck, Tanh
-from tests.fitting.runs import MACHINE, coulomb_run
 from tests.helpers import PROTOTYPE_MASS
+from tests.machines import MACHINE, coulomb_run
 
 RUN = coulomb_run()
 

@@ -16,8 +16,8 @@ from fricjax.fitting.evaluation import Evaluation
 from fricjax.fitting.mesh import with_mesh
 from fricjax.friction import Coulomb, Tanh
 from tests.fitting.problem_of import problem_of
-from tests.fitting.runs import FREQUENCY, MACHINE, STIFFNESS, coulomb_run
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
+from tests.machines import FREQUENCY, MACHINE, STIFFNESS, coulomb_run
 from tests.tiers import cases
 
 PRIORS = {"damping": (0.18, 1e-3), "offset": (1e-6, 1e-7)}

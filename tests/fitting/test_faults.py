@@ -18,8 +18,8 @@ from fricjax.fitting import FitError
 from fricjax.friction import Coulomb
 from fricjax.friction.base import Scalar, scalar
 from fricjax.friction.coefficient import MU
-from tests.fitting.runs import MACHINE, RIGS, STIFFNESS, coulomb_run, noisy, oscillator
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
+from tests.machines import MACHINE, RIGS, STIFFNESS, coulomb_run, noisy, oscillator
 
 RUN = coulomb_run()
 START = {"mu": 0.08}

@@ -7,8 +7,8 @@ from fricjax import Fit, Measured, Oscillator, Record, Trace, fit, synthetic_run
 from fricjax.data import segment_record
 from fricjax.fitting import FitError, window
 from fricjax.friction import Coulomb, QuadraticDrag, Stribeck
-from tests.fitting.runs import MACHINE, STIFFNESS, X0, coulomb_run
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
+from tests.machines import MACHINE, STIFFNESS, X0, coulomb_run
 
 TRUE = {"mu": 0.05, "damping": PROTOTYPE_DAMPING, "stiffness": STIFFNESS}
 LOAD = 9.66

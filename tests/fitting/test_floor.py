@@ -9,8 +9,8 @@ from fricjax.fitting.solve import solve
 from fricjax.friction import Coulomb, Stribeck
 from fricjax.instrument import white_acceleration
 from tests.fitting.problem_of import problem_of
-from tests.fitting.runs import MACHINE, STIFFNESS
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
+from tests.machines import MACHINE, STIFFNESS
 
 MODEL = Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, 9.66, Coulomb(0.05))
 T = np.arange(8000) / 2e4

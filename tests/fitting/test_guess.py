@@ -10,8 +10,8 @@ from fricjax.fitting.guess import guess_machine
 from fricjax.fitting.window import non_negative
 from fricjax.friction import Coulomb
 from fricjax.oscillator.restoring import Cubic, Pendulum
-from tests.fitting.runs import STIFFNESS, coulomb_run
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
+from tests.machines import STIFFNESS, coulomb_run
 from tests.oracles import Machine, slide
 
 LOAD = 9.66

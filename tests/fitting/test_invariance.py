@@ -7,8 +7,8 @@ import pytest
 
 from fricjax import Fit, Oscillator, Trace, fit
 from fricjax.friction import Coulomb, LuGre, Tanh
-from tests.fitting.runs import LAWS, MACHINE, RIGS, SIGMA0, SIGMA1, STIFFNESS, V_S, noisy
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
+from tests.machines import LAWS, MACHINE, RIGS, SIGMA0, SIGMA1, STIFFNESS, V_S, noisy
 
 RIG = RIGS["sliding"]
 UNITS = [{"length": 1e6}, {"length": 1e-6}, {"time": 1e6}, {"time": 1e-6}, {"length": 1e-6, "time": 1e6}]

@@ -14,7 +14,7 @@ from fricjax.fitting.problem import Problem
 from fricjax.fitting.residual import Residual
 from fricjax.fitting.solve import solve
 from tests.fitting.problem_of import problem_of
-from tests.fitting.runs import MACHINE, RIGS, noisy, oscillator
+from tests.machines import MACHINE, RIGS, noisy, oscillator
 
 ENGINES = {"Coulomb": "Exact", "Tanh": "Hybrid", "LuGre": "Smooth"}
 REACH, POINTS = 1e-4, 201

@@ -9,8 +9,8 @@ from fricjax.fitting.residual import motion
 from fricjax.fitting.rest import stops_within
 from fricjax.friction import Coulomb, Stribeck, Tanh
 from tests.fitting.problem_of import problem_of
-from tests.fitting.runs import STIFFNESS, coulomb_run
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
+from tests.machines import STIFFNESS, coulomb_run
 
 TRUTH = {"mu": 0.02, "mu_s": 0.026, "v_stribeck": 5e-3, "stiffness": STIFFNESS}
 

@@ -8,8 +8,8 @@ from scipy.signal import lfilter
 from fricjax import Fit, Oscillator, Record, Trace, fit, fit_batch, synthetic_run
 from fricjax.friction import Coulomb, Dahl, LuGre, Stribeck
 from fricjax.oscillator.restoring import Cubic
-from tests.fitting.runs import MACHINE, STIFFNESS
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
+from tests.machines import MACHINE, STIFFNESS
 
 
 def machine(law, damping=PROTOTYPE_DAMPING, **more) -> Oscillator:

@@ -7,7 +7,7 @@ import fricjax as fj
 from fricjax.errors import DataError, UsageError
 from fricjax.fitting import fit_on_moving_floor
 from fricjax.oscillator import simulate
-from tests.fitting.runs import MACHINE, RIGS, oscillator
+from tests.machines import MACHINE, RIGS, oscillator
 
 SLIDING = oscillator(RIGS["sliding"], "Coulomb")
 RATE, NOISE = 5e3, 1e-9

@@ -9,8 +9,8 @@ from fricjax import Oscillator, fit
 from fricjax.errors import UsageError
 from fricjax.fitting.multistart import Multistart, multistart
 from fricjax.friction import Coulomb
-from tests.fitting.runs import MACHINE, STIFFNESS, coulomb_run
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
+from tests.machines import MACHINE, STIFFNESS, coulomb_run
 
 STARTS = 6
 

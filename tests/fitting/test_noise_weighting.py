@@ -13,9 +13,9 @@ from fricjax.fitting.noise_weighting import weigh_by_noise
 from fricjax.fitting.solve import solve
 from fricjax.friction import Coulomb
 from tests.fitting.problem_of import problem_of
-from tests.fitting.runs import MACHINE, RIGS, STIFFNESS, clean, coulomb_run, oscillator, truth
 from tests.fitting.test_evaluation import whole
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
+from tests.machines import MACHINE, RIGS, STIFFNESS, clean, coulomb_run, oscillator, truth
 
 RIG = RIGS["rolling"]
 MODEL = oscillator(RIG, "Coulomb")

@@ -6,8 +6,8 @@ import pytest
 from fricjax import Oscillator, Record, Trace, fit, fit_batch, load_fit
 from fricjax.friction import Coulomb
 from fricjax.oscillator.restoring import Pendulum
-from tests.fitting.runs import FREQUENCY, MACHINE, RIGS, STIFFNESS, X0, ZETA, coulomb_run, oscillator
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
+from tests.machines import FREQUENCY, MACHINE, RIGS, STIFFNESS, X0, ZETA, coulomb_run, oscillator
 from tests.oracles import coulomb_viscous
 
 MODEL = oscillator(RIGS["sliding"], "Coulomb")

@@ -7,7 +7,7 @@ from scipy.stats import norm
 import fricjax as fj
 from fricjax.errors import DataError, UsageError
 from fricjax.fitting.population import population
-from tests.fitting.runs import RIGS, coulomb_run, oscillator
+from tests.machines import RIGS, coulomb_run, oscillator
 
 
 def runs(seed: int, n: int = 20, scatter: float = 1e-3) -> tuple[np.ndarray, np.ndarray]:

@@ -5,8 +5,8 @@ import pytest
 
 from fricjax import Oscillator, Trace, fit, load_fit, simulate
 from fricjax.friction import Coulomb, Stribeck, Tanh
-from tests.fitting.runs import MACHINE, RIGS, STIFFNESS, X0, coulomb_run, displacement, noisy, oscillator
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
+from tests.machines import MACHINE, RIGS, STIFFNESS, X0, coulomb_run, displacement, noisy, oscillator
 
 LOAD = 9.66
 

@@ -13,8 +13,8 @@ from fricjax.fitting.presliding import Machine, contact_of, stiffest
 from fricjax.fitting.window import Window, without_ringing
 from fricjax.friction import Coulomb, Dahl, Jenkins, LuGre, MaxwellSlip, Rolling, Spline, Tanh
 from tests.fitting.problem_of import problem_of
-from tests.fitting.runs import RIGS, SIGMA0, SIGMA1, coulomb_run, noisy
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
+from tests.machines import RIGS, SIGMA0, SIGMA1, coulomb_run, noisy
 
 STIFFNESS, LOAD, MU = 2574.0, 9.66, 0.05
 FORCE = MU * LOAD

@@ -15,8 +15,8 @@ from fricjax.friction import Coulomb, Stribeck
 from fricjax.oscillator import Hybrid
 from fricjax.oscillator.program import Shape, split
 from tests.fitting.problem_of import problem_of
-from tests.fitting.runs import MACHINE, RIGS, STIFFNESS, coulomb_run, noisy, oscillator
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
+from tests.machines import MACHINE, RIGS, STIFFNESS, coulomb_run, noisy, oscillator
 from tests.tiers import cases
 
 # Limits of the number of instructions that a fit compiles, before optimisation. They allow a margin of a tenth.

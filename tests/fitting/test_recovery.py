@@ -11,7 +11,7 @@ from scipy.stats import chi2
 
 from fricjax import Fit, Oscillator, fit
 from fricjax.friction import Coulomb
-from tests.fitting.runs import LAWS, MACHINE, RIGS, noisy, oscillator, truth
+from tests.machines import LAWS, MACHINE, RIGS, noisy, oscillator, truth
 
 SEEDS = {"Coulomb": 20, "Tanh": 20, "LuGre": 5}
 

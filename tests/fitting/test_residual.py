@@ -9,7 +9,7 @@ from fricjax.estimation.space import Parameter, ParameterSpace
 from fricjax.fitting.mesh import with_mesh
 from fricjax.fitting.residual import Residual
 from tests.fitting.problem_of import problem_of
-from tests.fitting.runs import MACHINE, RIGS, noisy, oscillator
+from tests.machines import MACHINE, RIGS, noisy, oscillator
 
 
 def joint(law: str) -> Residual:

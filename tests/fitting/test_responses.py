@@ -9,8 +9,8 @@ from fricjax.fitting.derived import derive
 from fricjax.fitting.responses import responses
 from fricjax.friction import Coulomb, Dahl, Stribeck
 from fricjax.oscillator.restoring import Cubic
-from tests.fitting.runs import MACHINE, STIFFNESS
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
+from tests.machines import MACHINE, STIFFNESS
 
 RELEASE = 2e-3
 

@@ -9,8 +9,8 @@ from fricjax import Measured, Oscillator, Rig, fit, synthetic_run
 from fricjax.errors import UsageError
 from fricjax.friction import Coulomb
 from fricjax.oscillator.restoring import Pendulum
-from tests.fitting.runs import FREQUENCY, coulomb_run
 from tests.helpers import PROTOTYPE_MASS
+from tests.machines import FREQUENCY, coulomb_run
 
 FREE = ("mu", "damping")
 INPUTS: dict[str, Any] = {

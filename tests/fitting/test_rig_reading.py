@@ -10,8 +10,8 @@ import pytest
 
 from fricjax import Fit, Measured, Oscillator, Rig, Trace, fit, fit_batch, synthetic_run
 from fricjax.friction import Coulomb, Tanh
-from tests.fitting.runs import MACHINE, RIGS, STIFFNESS, coulomb_run, noisy, oscillator
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
+from tests.machines import MACHINE, RIGS, STIFFNESS, coulomb_run, noisy, oscillator
 
 SCALE, CLOCK, NONLINEARITY = 1e-4, 2e-4, 0.3e-9
 LOAD, FRINGE = 0.005, 316.5e-9

@@ -12,8 +12,8 @@ from fricjax.energy_loss.weak import weak_form
 from fricjax.errors import DataError, UsageError
 from fricjax.friction import Coulomb
 from fricjax.rig import Measured
-from tests.fitting.runs import MACHINE, coulomb_run
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
+from tests.machines import MACHINE, coulomb_run
 
 RIG = fj.Rig(
     mass=PROTOTYPE_MASS, stiffness=Measured(2574.0, 2.0), normal_force=Measured(9.66, 0.01), damping=PROTOTYPE_DAMPING

@@ -11,7 +11,7 @@ import pytest
 from fricjax import Fit, Oscillator, Record, Trace, compare, fit, fit_batch, load_fit, multistart, read
 from fricjax.friction import Coulomb
 from fricjax.thresholds import DESCRIBED
-from tests.fitting.runs import MACHINE, RIGS, STIFFNESS, coulomb_run, oscillator
+from tests.machines import MACHINE, RIGS, STIFFNESS, coulomb_run, oscillator
 from tests.oracles import coulomb_viscous
 
 MODEL = oscillator(RIGS["sliding"], "Coulomb")

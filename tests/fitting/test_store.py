@@ -14,8 +14,8 @@ from fricjax.friction import Coulomb
 from fricjax.oscillator import Exact, Hybrid, Smooth
 from fricjax.oscillator.engines.hybrid import Span
 from tests.fitting.problem_of import problem_of
-from tests.fitting.runs import MACHINE, coulomb_run
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS, largest
+from tests.machines import MACHINE, coulomb_run
 
 LOAD = 9.66
 

@@ -6,7 +6,7 @@ import pytest
 import fricjax as fj
 from fricjax.errors import DataError
 from fricjax.pairs.release import fit_release
-from tests.fitting.runs import MACHINE, RIGS, oscillator
+from tests.machines import MACHINE, RIGS, oscillator
 
 SLIDING = oscillator(RIGS["sliding"], "Coulomb")
 

@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 import fricjax as fj
 from fricjax.errors import UsageError
 from fricjax.fitting.problem import displaced, with_windows
-from tests.fitting.runs import coulomb_run
+from tests.machines import coulomb_run
 
 FREE = ("mu", "damping", "stiffness")
 MACHINE = fj.Oscillator(0.41068, 2574.0, 0.1756, 9.66, fj.friction.Coulomb(0.05))

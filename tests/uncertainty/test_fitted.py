@@ -8,8 +8,8 @@ import pytest
 import fricjax as fj
 from fricjax.errors import UsageError
 from fricjax.uncertainty import Input, propagate
-from tests.fitting.runs import FREQUENCY, coulomb_run
 from tests.helpers import PROTOTYPE_MASS
+from tests.machines import FREQUENCY, coulomb_run
 
 FREE = ("mu", "damping", "stiffness")
 STIFFNESS = PROTOTYPE_MASS * (2 * np.pi * FREQUENCY) ** 2

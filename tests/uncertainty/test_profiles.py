@@ -8,7 +8,7 @@ import pytest
 import fricjax as fj
 from fricjax.errors import UsageError
 from fricjax.uncertainty.profiles import conclude
-from tests.fitting.runs import coulomb_run
+from tests.machines import coulomb_run
 
 FREE = ("mu", "damping", "stiffness")
 
