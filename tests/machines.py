@@ -1,4 +1,4 @@
-"""Machines and noisy decays from independent oracles, for the tests of the fit.
+"""Machines and noisy decays from independent oracles, for tests of fits.
 
 Fits share a compiled program if they have the same law, free names and record size. The machines here have the laws
 Coulomb, Tanh and LuGre; records of up to 4096 samples have one size.

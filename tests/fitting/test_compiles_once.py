@@ -45,6 +45,7 @@ def test_hybrid():
     assert not seen
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ["Tanh"])
 def test_smooth(law):
     machine = oscillator(RIGS["sliding"], law)

@@ -69,6 +69,7 @@ def test_errors_are_those_of_the_mixture_of_the_fits_with_each_number(fits):
             assert fits[seed].std_errors[name] == pytest.approx(np.sqrt(variance), rel=0.05)
 
 
+@pytest.mark.slow
 def test_numbers_are_as_probable_as_they_are_often_true(fits):
     scored = np.array([scores(found) for found in fits])
     assert np.max(np.abs(scored)) < 4

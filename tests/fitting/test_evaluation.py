@@ -149,6 +149,7 @@ def test_more_samples_than_one_chunk_holds():
     assert_same(residual, module.evaluate(residual, y, Squares()), dense(residual, y, Squares()))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("loss", [Squares(), Huber()], ids=lambda loss: type(loss).__name__)
 def test_blocks_of_samples_add_up_to_the_whole(loss):
     """Use blocks of four samples."""

@@ -290,6 +290,7 @@ class TestPriorsAndBounds:
 
 
 class TestSums:
+    @pytest.mark.slow
     def test_a_dotted_name_and_a_tie(self, run, plain):
         two = machine(Coulomb(0.02) + Coulomb(0.03))
         free, tie = ("friction.0.mu", "damping", "stiffness"), {"friction.1.mu": ("friction.0.mu", 0.5)}

@@ -56,6 +56,7 @@ def test_a_data_set_survives_netcdf(fit, tmp_path):
         assert read.attrs["status"] == "converged" and read.attrs["converged"] == 1
 
 
+@pytest.mark.slow
 def test_runs_of_a_joint_fit_have_an_axis_each(runs):
     joint = fj.fit(runs, MACHINE, FREE).to_xarray()
     assert joint["x_0"].dims == ("t_0",) and joint["residual_1"].dims == ("t_1",)

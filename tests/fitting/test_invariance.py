@@ -71,7 +71,10 @@ def at_an_instant_of_the_record(found: Fit) -> np.ndarray:
 CLOSE = {"Coulomb": 1e-5, "Tanh": 1e-5, "LuGre": 1e-4}
 
 
-CASES = [*((law, units) for law in LAWS for units in UNITS), *(("Coulomb", units) for units in WEIGHTS)]
+CASES = [
+    *(pytest.param(law, each, marks=() if law == "Coulomb" else pytest.mark.slow) for law in LAWS for each in UNITS),
+    *(("Coulomb", units) for units in WEIGHTS),
+]
 
 
 @pytest.mark.parametrize(("law", "units"), CASES, ids=str)

@@ -15,6 +15,7 @@ from fricjax.fitting.residual import Residual
 from fricjax.fitting.solve import solve
 from tests.fitting.problem_of import problem_of
 from tests.machines import MACHINE, RIGS, noisy, oscillator
+from tests.tiers import cases
 
 ENGINES = {"Coulomb": "Exact", "Tanh": "Hybrid", "LuGre": "Smooth"}
 REACH, POINTS = 1e-4, 201
@@ -68,7 +69,7 @@ def scan(law: str, problem: Problem) -> Curves:
     return Curves(law, float(residual.values(y)[0]), relative, *map(np.asarray, found))
 
 
-@pytest.fixture(params=ENGINES, scope="module")
+@pytest.fixture(params=cases(ENGINES, ["Coulomb"]), scope="module")
 def curves(request) -> Curves:
     law = request.param
     free = (*MACHINE, "sigma0") if law == "LuGre" else MACHINE
