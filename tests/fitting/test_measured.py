@@ -83,6 +83,7 @@ def test_small_swing_with_dry_and_viscous_friction(small_both):
     assert_honest(small_both)
 
 
+@pytest.mark.slow
 def test_small_swing_with_dry_friction_alone(dry_alone):
     assert dry_alone == pytest.approx(0.162, rel=0.01)
 
@@ -115,6 +116,7 @@ def test_large_swing_with_drag_and_bounded_damping(large_bounded, dry_alone):
     assert_honest(large_bounded)
 
 
+@pytest.mark.slow
 def test_large_swing_without_the_bound_warns_of_negative_damping(large, large_bounded):
     found = fit(large, pendulum(drag=0.004), (*FREE, "drag"))
     assert_misses(found, "choose another law")

@@ -287,6 +287,7 @@ def test_runs_of_a_joint_fit_count_by_their_own_noise():
         assert 0.85 * first.std_errors[name] < joint.std_errors[name] < first.std_errors[name]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("small_chunks")
 def test_a_batch_counts_by_the_noise_of_each_run():
     traces = [Trace(T, X + white(10)), Trace(T, X + autoregressive(0.99, 11))]
@@ -299,6 +300,7 @@ def test_a_batch_counts_by_the_noise_of_each_run():
     assert batch.to_dataframe()["noise"][0] == "" and "has a correlation time of" in batch.to_dataframe()["noise"][1]
 
 
+@pytest.mark.slow
 def test_criteria_prefer_the_colour_that_is_there():
     """Compare criteria of the right law and of a law without friction."""
     noise = autoregressive(0.9, 12)

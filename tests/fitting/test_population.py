@@ -120,6 +120,7 @@ def test_few_runs_that_scatter_keep_all_of_them():
     assert found.outliers == () and found.runs == 4
 
 
+@pytest.mark.slow
 def test_runs_that_have_not_converged_are_left_out_unless_they_are_asked_for():
     """Fit four runs, two of them with a fringe slip in mid-stroke."""
     good = [coulomb_run(x0, seed=i) for i, x0 in enumerate((2e-3, 1.8e-3))]

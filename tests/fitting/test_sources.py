@@ -127,6 +127,7 @@ def test_runs_without_a_name_of_their_own_have_a_number(paths):
     assert found.labels == ("run 0", "run 1", "run 2 (run0.csv)", "run 3 (run0.csv)")
 
 
+@pytest.mark.slow
 def test_sentences_name_the_run(paths, folder):
     record = fj.read(paths[1])
     short = fj.data.crop(record, None, float(record.segmentation.turning_times[1]))

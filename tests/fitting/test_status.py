@@ -167,6 +167,7 @@ def test_outliers_are_no_misfit_under_a_robust_loss():
     assert not fit(reversed_in_time(), MODEL, MACHINE, loss="cauchy", throw=False).converged
 
 
+@pytest.mark.slow
 def test_of_several_runs_the_one_that_is_not_described_is_named():
     """Check the residuals of each run.
 
@@ -178,6 +179,7 @@ def test_of_several_runs_the_one_that_is_not_described_is_named():
     assert_named(found, MISFIT, " in run 3 are ")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("small_chunks")
 def test_a_batch_says_the_same():
     runs = [coulomb_run(), slipped(), reversed_in_time(), coulomb_run(seed=3)]

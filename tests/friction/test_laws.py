@@ -12,6 +12,7 @@ from fricjax.friction.base import Scalar, scalar
 from fricjax.oscillator import restoring
 from tests.cases.case import LOAD
 from tests.helpers import EXPORTED_LAWS, LAWS
+from tests.tiers import cases
 
 SPEEDS = np.geomspace(1e-7, 1.0, 40)
 LOAD_ARRAY = jnp.asarray(LOAD)
@@ -22,7 +23,10 @@ def steady_force(law: AbstractFriction, speed: jax.Array, direction: float) -> j
     return law.force(direction * speed, state, LOAD_ARRAY)
 
 
-@pytest.fixture(params=LAWS, scope="module")
+CORE = ("Coulomb", "Stribeck", "Tanh", "Spline", "Dahl", "LuGre", "MaxwellSlip", "RateState")
+
+
+@pytest.fixture(params=cases(LAWS, CORE), scope="module")
 def case(request: pytest.FixtureRequest):
     return LAWS[request.param]
 

@@ -46,6 +46,7 @@ def test_derivatives_agree_with_differences_of_the_event_driven_motion():
     assert np.linalg.norm(slope - difference) < 1e-5 * np.linalg.norm(difference)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("changes", [{}, {"exponent": 1.0, "mu": 0.01, "mu_s": 0.012}])
 def test_elements_that_creep_back_do_so_from_their_limits(changes: dict[str, float]):
     """Start the creep of elements at their limits.

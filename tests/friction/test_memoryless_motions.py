@@ -40,6 +40,7 @@ def test_makkar_moves_and_creeps_as_an_ode_solver_tells():
     assert motion.regularisation_bias == pytest.approx(np.max(np.abs(sharp - expected)), rel=1e-4)
 
 
+@pytest.mark.slow
 def test_the_lorentzian_moves_as_an_ode_solver_tells():
     expected = slide(plain(lambda u: N * (0.05 + 0.015 / (1 + (u / 5e-3) ** 2)), 0.065 * N), X0, 0.0, TS)
     motion = simulate(machine(Lorentzian(0.05, 0.065, 5e-3)), X0, TS)
@@ -87,6 +88,7 @@ class TestAgeing:
         counts = [int(simulate(machine(self.law), x, TS, engine=engine).n_half_cycles) for x in starts]
         assert counts == [0, 0, 1]
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("engine", ["exact", "hybrid"])
     def test_at_reversals_and_in_motion_the_contact_has_no_age(self, engine):
         # With this start the first reversal lies between the two bands, and the mass moves on.

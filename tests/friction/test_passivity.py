@@ -10,6 +10,7 @@ import pytest
 
 from tests.cases.case import LOAD
 from tests.helpers import LAWS
+from tests.tiers import cases
 
 
 def extracted_work(law, v: np.ndarray, dt: float, z0: jax.Array) -> float:
@@ -35,7 +36,9 @@ def extracted_work(law, v: np.ndarray, dt: float, z0: jax.Array) -> float:
     return float(jnp.max(work))
 
 
-@pytest.mark.parametrize("name", [name for name, case in LAWS.items() if case.passive])
+@pytest.mark.parametrize(
+    "name", cases([name for name, case in LAWS.items() if case.passive], ["Dahl", "LuGre", "MaxwellSlip"])
+)
 def test_no_more_work_comes_back_than_the_bristles_store(name):
     law = LAWS[name].law
     t = np.linspace(0, 0.4, 160_001)

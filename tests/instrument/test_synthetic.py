@@ -114,6 +114,7 @@ def test_sigma_is_that_of_the_reading():
     assert scatter == pytest.approx(float(np.asarray(record.trace.sigma)), rel=0.08)
 
 
+@pytest.mark.slow
 def test_names_and_units_of_other_rigs():
     laws = Coulomb(0.002) + QuadraticDrag(0.01)
     swing = Oscillator(1.0, 30.0, 0.01, 1.0, laws, restoring=restoring.Pendulum())

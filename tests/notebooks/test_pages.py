@@ -13,6 +13,8 @@ import pytest
 import fricjax
 from tests.documents import ROOT
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
@@ -47,7 +49,6 @@ def read(site):
     return {path: Links(path) for path in sorted(site.rglob("*.html"))}
 
 
-@pytest.mark.slow
 def test_every_link_leads_somewhere(site, read):
     broken = []
     for path, page in read.items():

@@ -50,7 +50,7 @@ def samples(engine: Hybrid, machine: Oscillator, start: tuple, count: jax.Array,
     return jax.jvp(run, point, jax.tree.map(lambda value: 0.1 * value, point))
 
 
-@pytest.mark.parametrize("name", cases(CASES, ["Stribeck and drag"]))
+@pytest.mark.parametrize("name", cases(CASES, ["Coulomb"]))
 def test_the_table_gives_the_half_cycles_that_are_integrated_one_by_one(name: str):
     machine, start, lowest, highest, half_cycles, unit = CASES[name]
     span, count = Span(np.asarray(lowest), np.asarray(highest)), jnp.asarray(half_cycles)

@@ -12,6 +12,7 @@ FRICTIONLESS = Oscillator(1.0, OMEGA**2, 0.0, 1.0, Tanh(0.0, 1e-3))
 DAMPED = Oscillator(1.0, OMEGA**2, 2 * ZETA * OMEGA, 1.0, Tanh(0.0, 1e-3))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tau", [1e-3, 3e-3])
 def test_a_fading_magnet_takes_amplitude_away(tau: float):
     ts = np.linspace(0, 0.3, 601)

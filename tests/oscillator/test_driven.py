@@ -40,9 +40,9 @@ def test_undriven_rolling_is_exact_to_a_tenth_of_a_nanometre(duration):
 @pytest.mark.parametrize(
     "oscillator",
     [
-        rig(Stribeck(0.05, 0.065, 5e-3), 9.66),
+        pytest.param(rig(Stribeck(0.05, 0.065, 5e-3), 9.66), marks=pytest.mark.slow),
         rig(Coulomb(0.05, 0.065), 9.66),
-        rig(Coulomb(0.02), 9.66, drag=20.0, restoring=restoring.Cubic(5e7)),
+        pytest.param(rig(Coulomb(0.02), 9.66, drag=20.0, restoring=restoring.Cubic(5e7)), marks=pytest.mark.slow),
     ],
     ids=["stribeck", "static", "drag and cubic spring"],
 )
@@ -127,6 +127,7 @@ def test_before_the_release_the_mass_is_held():
     assert np.ptp(np.asarray(motion.x)[ts > 0]) > 1e-4
 
 
+@pytest.mark.slow
 @given(push=st.floats(0.2, 3.0))
 @settings(max_examples=15)
 def test_a_steady_floor_is_a_shifted_equilibrium(push):
@@ -138,6 +139,7 @@ def test_a_steady_floor_is_a_shifted_equilibrium(push):
     assert np.abs(ours.x + shift - np.asarray(exact.x)).max() < 1e-10
 
 
+@pytest.mark.slow
 def test_a_resting_mass_slips_when_the_floor_pulls_hard_enough():
     ts = np.arange(1000) / 1e3
     slope, band = 2.0, 0.05 * 9.66 / PROTOTYPE_MASS
@@ -161,6 +163,7 @@ def test_sinusoidal_floor_gives_the_response_of_the_flexure():
     assert np.abs(x[steady] - np.sinc(20 / 1e4) ** 2 * expected).max() < 1e-4 * abs(answer)
 
 
+@pytest.mark.slow
 def test_floor_motion_makes_the_flexure_swing_as_miles_says():
     rate, density, ratio, samples = 1e3, 3.4e-7, 0.05, 400_000
     floor = white_acceleration(samples, rate, density, np.random.default_rng(5))
@@ -170,6 +173,7 @@ def test_floor_motion_makes_the_flexure_swing_as_miles_says():
     assert np.var(x[2000:]) == pytest.approx(miles, rel=0.1)
 
 
+@pytest.mark.slow
 def test_floor_motion_kicks_each_half_cycle():
     """Compare the scatter of turning points with sqrt(S H)/(2 omega) per half-cycle.
 

@@ -54,7 +54,10 @@ def oracle() -> list[Slide]:
     return [run(i) for i in range(N_CASES)]
 
 
-@pytest.mark.parametrize(("engine", "tolerance"), [(Exact(64), 3e-11), (Hybrid(max_half_cycles=16), 1e-7)])
+@pytest.mark.parametrize(
+    ("engine", "tolerance"),
+    [(Exact(64), 3e-11), pytest.param(Hybrid(max_half_cycles=16), 1e-7, marks=pytest.mark.slow)],
+)
 def test_coulomb_and_viscous_friction(oracle: list[Slide], engine, tolerance: float):
     def run(r):
         machine = Oscillator(r["mass"], r["stiffness"], r["damping"], r["load"], Coulomb(r["mu"], r["mu_s"]))
@@ -136,6 +139,7 @@ def test_any_sliding_law_and_spring(name: str):
             assert final == pytest.approx(expected.points[-1], abs=HYBRID_TOLERANCE[name] * reach)
 
 
+@pytest.mark.slow
 def test_more_nodes_bring_the_hybrid_engine_closer():
     machine, plain, starts = HYBRID["sliding"]
     ts = np.linspace(0, 0.2, 301)[1:]

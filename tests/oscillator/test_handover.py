@@ -34,12 +34,14 @@ def motion(v_s: float) -> Motion:
 
 
 class TestCreep:
+    @pytest.mark.slow
     def test_through_the_stop(self, v_s: float, motion: Motion):
         assert motion.engine == "hybrid" and is_successful(motion.result)
         assert motion.stats["t_handover"] < 0.3
         expected = tanh_motion(TS, 2e-3, mass=M, stiffness=K, damping=C, kinetic=0.05 * N, v_s=v_s)
         np.testing.assert_allclose(motion.x, expected, rtol=0, atol=TENTH_OF_A_NANOMETRE)
 
+    @pytest.mark.slow
     def test_as_the_smooth_engine_tells_it(self, v_s: float, motion: Motion):
         machine = Oscillator(M, K, C, N, Tanh(0.05, v_s))
         smooth = simulate(machine, 2e-3, TS, engine="smooth")
@@ -184,6 +186,7 @@ def test_derivatives_of_a_start_by_a_hair(hair: Hair):
     assert_equal_slopes(jacobian * point[:, None], steps, 1e-5)
 
 
+@pytest.mark.slow
 def test_a_campaign_of_random_starts():
     rng, ts = np.random.default_rng(5), np.linspace(0, 0.3, 61)
     count = 24
@@ -203,6 +206,7 @@ def test_a_campaign_of_random_starts():
         assert int(motions.n_half_cycles[i]) == (expected.times.size if np.isfinite(expected.t_stop) else -1)
 
 
+@pytest.mark.slow
 def test_heavy_drag_takes_the_first_half_cycle_in_time():
     ts, drag = np.linspace(0, 0.15, 151), 2.5e3
     motion = simulate(Oscillator(M, K, C, N, Coulomb(0.01) + QuadraticDrag(drag)), 2e-3, ts)

@@ -16,6 +16,7 @@ from fricjax.friction import Coulomb, LuGre, Stribeck, Tanh
 from fricjax.oscillator import Exact, Hybrid, Motion, Oscillator, Smooth, restoring, simulate
 from fricjax.oscillator.engines import AbstractEngine
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS, central_differences
+from tests.tiers import cases
 
 M, K, C, N = PROTOTYPE_MASS, 2574.0, PROTOTYPE_DAMPING, 9.66
 
@@ -105,7 +106,7 @@ pushed = eqx.filter_jit(lambda run, p, tangent: jax.jvp(lambda q: run(q), (p,), 
 positions = eqx.filter_jit(lambda run, p: run(p).x)
 
 
-@pytest.fixture(scope="module", params=CASES)
+@pytest.fixture(scope="module", params=cases(CASES, ["exact, released", "hybrid, released", "smooth, LuGre"]))
 def case(request: pytest.FixtureRequest) -> Case:
     return CASES[request.param]
 
