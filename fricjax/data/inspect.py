@@ -78,7 +78,8 @@ class Inspection(Reported):
     def report(self) -> Report:
         """Report the fields in words, with the warnings."""
         data = {name: value for name, value in vars(self).items() if name != "record"}
-        units = dict.fromkeys(("duration", "longest_gap", "half_period", "release", "first_reversal", "rest"), "s")
+        times = ("duration", "longest_gap", "half_period", "release", "first_reversal", "rest")
+        units: dict[str, str] = dict.fromkeys(times, "s")
         units |= dict.fromkeys(("noise", "white_noise", "resolution", "amplitude", "rest_position"), self.unit)
         units |= dict.fromkeys(("rate", "frequency"), "Hz")
         return Report([], _rows(self), warnings=self.warnings, heading="Record", data=data, units=units)

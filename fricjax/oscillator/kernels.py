@@ -23,7 +23,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple
 
 import jax
-import jaxlib
+import jaxlib.version
 import numpy as np
 from jax.experimental.xla_metadata import xla_metadata_call
 from jax.extend import core
@@ -74,7 +74,7 @@ def enabled() -> bool:
 
     FRICJAX_KERNELS decides if it is set: "on" marks programs also with an untried jaxlib, in order to try it.
     """
-    tried = jaxlib.__version__ in _TRIED_JAXLIB and platform.machine() in _TRIED_MACHINES
+    tried = jaxlib.version.__version__ in _TRIED_JAXLIB and platform.machine() in _TRIED_MACHINES
     asked = os.environ.get(KERNELS_VARIABLE, "").strip().lower()
     return asked not in ("off", "0", "no", "false") if asked else tried
 

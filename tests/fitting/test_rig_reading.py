@@ -133,12 +133,12 @@ def test_runs_that_are_fitted_together_share_their_instrument():
 
 
 def test_the_report_says_what_is_most_uncertain(found: Fit):
-    line = next(line for line in found.summary().splitlines() if line.startswith("uncertainty:"))
+    line = next(line for line in found.summary().splitlines() if line.startswith("rig inputs:"))
     share = LOAD**2 / (LOAD**2 + SCALE**2 + (2 * CLOCK) ** 2)
-    assert f"of mu normal_force ({100 * share:.3g} %)" in line
-    assert "of stiffness time_scale (100 %)" in line
+    assert f"mu: normal_force {100 * share:.0f} % of the variance" in line
+    assert "stiffness: time_scale 100 %" in line
     assert "x0" not in line
-    assert "uncertainty:" not in fit(coulomb_run(), FULL.oscillator(Coulomb(0.05)), MACHINE).summary()
+    assert "rig inputs:" not in fit(coulomb_run(), FULL.oscillator(Coulomb(0.05)), MACHINE).summary()
 
 
 @pytest.mark.slow
