@@ -85,6 +85,7 @@ def compared():
     return fj.compare(record("white"), [MACHINE, MACHINE], [FREE, ("mu", "stiffness")], names=["fitted", "known"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factor", [0.5, 2.0])
 @pytest.mark.parametrize("name", ["EXCESS", "RARE", "SURE", "EXTREME"])
 def test_a_comparison_ranks_as_before(monkeypatch, name, factor):

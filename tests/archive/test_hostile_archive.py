@@ -90,6 +90,7 @@ def listed(place):
     }
 
 
+@pytest.mark.slow
 def test_every_hostile_file_has_its_row_with_its_reason(archive, hostile):
     table = archive.to_dataframe()
     found = dict(iter(table.groupby("file")))

@@ -116,6 +116,7 @@ def test_regression_of_the_energy_finds_coulomb_and_nothing_else():
     assert 0.6 < found.chi2_reduced < 1.5
 
 
+@pytest.mark.slow
 def test_regression_of_the_energy_finds_a_stribeck_law_and_a_viscous_part():
     law, rig = Stribeck(0.05, 0.065, 5e-3), RIG.replace(damping=DAMPING + 0.1)
     runs = campaign(law, 1.3e-3, 2e-3, 5, rig=rig)

@@ -36,6 +36,7 @@ def test_a_stribeck_curve_lies_within_its_uncertainties():
     assert np.min(np.abs(found.velocity)) < 1.2e-3
 
 
+@pytest.mark.slow
 def test_the_curve_is_sharp_at_the_stribeck_velocity():
     found = stribeck_map()
     near = np.abs(np.abs(found.velocity) - 5e-3) < 1e-3

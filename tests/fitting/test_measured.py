@@ -128,6 +128,7 @@ def test_large_swing_without_the_bound_warns_of_negative_damping(large, large_bo
     assert not any("negative" in sentence for sentence in large_bounded.warnings)
 
 
+@pytest.mark.slow
 def test_large_swing_with_viscous_friction_alone_is_as_bad_as_it_is(large):
     found = fit(large, pendulum(), (*FREE, "drag"), bounds={"mu": NONE, "drag": NONE})
     assert found.residual_rms == pytest.approx(2.79e-2, rel=0.15)

@@ -311,6 +311,7 @@ def test_criteria_prefer_the_colour_that_is_there():
     assert right.aicc < right.chi2 - 1e3
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("small_chunks")
 def test_a_batch_knows_rounding_and_drift_of_its_runs():
     traces = [rounded(0), Trace(T, X + white(3) + 1e-6 * T), rounded(1)]

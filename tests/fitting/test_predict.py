@@ -64,6 +64,7 @@ def test_a_sliding_run_cut_in_motion_goes_on_as_its_law_has_it(law):
     assert found.predict(later) == pytest.approx(true, abs=1e-7)
 
 
+@pytest.mark.slow
 def test_where_the_static_coefficient_is_bracketed_the_middle_of_its_interval_stops_the_mass():
     found = fit(cut(Coulomb(0.05), 0.15), machine(Coulomb(0.05, 0.05)), ("mu", "mu_s", "damping", "stiffness"))
     static = float(found.oscillator.friction.mu_s) * LOAD  # type: ignore[attr-defined]

@@ -29,7 +29,7 @@ MOVING = list(
     {type(case.law).__name__ + str(case.law.n_states): name for name, case in reversed(LAWS.items())}.values()
 )
 
-CORE = ("Coulomb", "Tanh", "LuGre")
+CORE = ("Coulomb", "LuGre")
 
 
 def machine_with(law: AbstractFriction) -> Oscillator:

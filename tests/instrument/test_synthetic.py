@@ -161,11 +161,13 @@ def test_lengths_scale_with_the_load(factor, seed):
     np.testing.assert_allclose(many / factor, one, rtol=0, atol=2e-10)
 
 
+@pytest.mark.slow
 def test_a_pull_from_the_other_side_is_the_mirror_image():
     right, left = (run(x0=x0, noise=0.0, release_time_constant=1e-3, hold=0.01) for x0 in (2e-3, -2e-3))
     np.testing.assert_allclose(left.trace.x, -right.trace.x, rtol=0, atol=1e-15)
 
 
+@pytest.mark.slow
 def test_ten_thousand_samples_take_no_second():
     keywords = {**EVERYTHING, "duration": 2.0}
     run(**keywords)

@@ -10,7 +10,6 @@ from fricjax.friction import AbstractFriction, Coulomb, Stribeck, Tanh
 from fricjax.oscillator import Hybrid, Oscillator, restoring, starting_state
 from fricjax.oscillator.engines.hybrid import Span
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
-from tests.tiers import cases
 
 M, K, C = PROTOTYPE_MASS, 2574.0, PROTOTYPE_DAMPING
 NEVER = 10**9
@@ -50,7 +49,8 @@ def samples(engine: Hybrid, machine: Oscillator, start: tuple, count: jax.Array,
     return jax.jvp(run, point, jax.tree.map(lambda value: 0.1 * value, point))
 
 
-@pytest.mark.parametrize("name", cases(CASES, ["Coulomb"]))
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CASES)
 def test_the_table_gives_the_half_cycles_that_are_integrated_one_by_one(name: str):
     machine, start, lowest, highest, half_cycles, unit = CASES[name]
     span, count = Span(np.asarray(lowest), np.asarray(highest)), jnp.asarray(half_cycles)

@@ -12,7 +12,6 @@ from fricjax.oscillator.engines.hybrid.collocation import collocate, make_panels
 from fricjax.oscillator.engines.hybrid.frame import Angle, frame_at, phase_rates
 from fricjax.oscillator.engines.hybrid.phase_steps import layer_width
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
-from tests.tiers import cases
 
 M, K, C, LOAD = PROTOTYPE_MASS, 2574.0, PROTOTYPE_DAMPING, 9.66
 CASES = {
@@ -32,7 +31,8 @@ def half_cycle(oscillator: Oscillator, turning: jax.Array, steps: int = 28) -> t
     return panels.fractions, *collocate(oscillator, frame, turning - frame.dead_band, panels)
 
 
-@pytest.mark.parametrize("name", cases(CASES, ["Stribeck"]))
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CASES)
 def test_it_solves_the_equation_of_the_phase(name: str):
     machine, turning = CASES[name]
     frame = frame_at(machine, jnp.ones(()), jnp.asarray(turning))

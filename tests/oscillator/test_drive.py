@@ -41,6 +41,7 @@ def test_a_floor_that_shakes_at_resonance():
     np.testing.assert_allclose(motion.x, expected, rtol=0, atol=2e-6 * steady)
 
 
+@pytest.mark.slow
 def test_the_bias_of_a_driven_smoothed_law_is_unknown():
     motion = simulate(FRICTIONLESS, 1e-3, np.array([0.1]), release=ExponentialRelease(1e-3))
     assert motion.engine == "smooth"

@@ -28,6 +28,7 @@ def free(damping_ratio: float = 0.0) -> Oscillator:
     return rig(Coulomb(0.0), 0.0, 2 * damping_ratio * PROTOTYPE_MASS * OMEGA)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("duration", cases([2.0, 4.0], [2.0]))
 def test_undriven_rolling_is_exact_to_a_tenth_of_a_nanometre(duration):
     ts = np.arange(int(5e3 * duration)) / 5e3
@@ -107,6 +108,7 @@ def test_before_time_zero_a_free_motion_is_continued_as_by_the_closed_form(start
     assert np.array_equal(ours.at_rest, exact.at_rest)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", [Coulomb(0.01), Tanh(0.01, 1e-4)], ids=["set-valued", "smooth"])
 def test_driven_motions_of_many_lengths_are_compiled_once(law):
     ts = np.arange(2048) / 5e3
@@ -119,6 +121,7 @@ def test_driven_motions_of_many_lengths_are_compiled_once(law):
     assert not [name for name in compiled if "_first" not in name]
 
 
+@pytest.mark.slow
 def test_before_the_release_the_mass_is_held():
     ts = np.arange(300) / 1e3 - 0.1
     motion = simulate(rig(Coulomb(0.01)), 1e-3, ts, base_acceleration=np.full(300, 50.0))
@@ -149,6 +152,7 @@ def test_a_resting_mass_slips_when_the_floor_pulls_hard_enough():
     assert motion.v[first] < 0
 
 
+@pytest.mark.slow
 def test_sinusoidal_floor_gives_the_response_of_the_flexure():
     """Compare with the steady response without contact.
 

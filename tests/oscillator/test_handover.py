@@ -15,6 +15,7 @@ from fricjax.friction import Coulomb, QuadraticDrag, Stribeck, Tanh
 from fricjax.oscillator import Hybrid, Motion, Oscillator, is_successful, simulate, starting_state
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 from tests.oracles import Machine, Slide, slide, tanh_motion
+from tests.tiers import cases
 
 M, K, C, N = PROTOTYPE_MASS, 2574.0, PROTOTYPE_DAMPING, 9.66
 TENTH_OF_A_NANOMETRE = 1e-10
@@ -93,6 +94,7 @@ class TestCreep:
         whole = path.sample(jnp.asarray(TS))[0]
         np.testing.assert_allclose(path.sample(jnp.asarray(TS[:500]))[0], whole[:500], rtol=0, atol=1e-12)
 
+    @pytest.mark.slow
     def test_a_start_that_creeps_from_the_first(self):
         motion = simulate(Oscillator(M, K, C, N, Tanh(0.05, 1e-4)), 1e-4, TS)
         expected = tanh_motion(TS, 1e-4, mass=M, stiffness=K, damping=C, kinetic=0.05 * N, v_s=1e-4)
@@ -154,7 +156,7 @@ HAIRS = [
 ]
 
 
-@pytest.mark.parametrize("hair", HAIRS, ids=str)
+@pytest.mark.parametrize("hair", cases(HAIRS, HAIRS[:2]), ids=str)
 def test_a_start_by_a_hair(hair: Hair):
     ts = np.linspace(0, 0.35, 351)
     motion, expected = hair.motion(hair.values(), ts, Hybrid(28, 16)), hair.slide(hair.values(), ts)

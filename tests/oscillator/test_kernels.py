@@ -169,6 +169,7 @@ print(float(motion.x[0]))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("moved", ["marks", "cache"])
 def test_a_name_that_jax_moves_is_not_needed(moved, tmp_path):
     environment = os.environ | {"FRICJAX_CACHE_DIR": str(tmp_path)}

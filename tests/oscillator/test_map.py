@@ -98,6 +98,7 @@ def test_zeros(zeta: float):
     np.testing.assert_allclose(final(zeros, zeta, 1.0), 0.0, atol=1e-12 * zeros[-1])
 
 
+@pytest.mark.slow
 def test_the_hybrid_engine_draws_the_same_map():
     x0 = jnp.linspace(1e-5, 3e-3, 41)
     hybrid = jax.jit(jax.vmap(lambda x: final_displacement(machine(0.01, 1.3), x, engine=Hybrid(max_half_cycles=16))))
@@ -109,6 +110,7 @@ def test_a_static_coefficient_below_the_dynamic_one_counts_as_the_dynamic_one():
     np.testing.assert_array_equal(final(x0, 0.01, 0.4), final(x0, 0.01, 1.0))
 
 
+@pytest.mark.slow
 def test_a_mass_that_never_rests_ends_nowhere():
     growing = Oscillator(1.0, 5000.0, -5.0, 9.81, Stribeck(0.01))
     assert np.isnan(final_displacement(growing, 3e-3, engine=Hybrid(max_half_cycles=16)))

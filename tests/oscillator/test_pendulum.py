@@ -67,6 +67,7 @@ def read(engine: Hybrid, x0: jax.Array, half_cycles: jax.Array, ts: jax.Array) -
     return engine.path(MACHINE, starting_state(MACHINE, x0, 0.0), half_cycles).sample(ts)[0]
 
 
+@pytest.mark.slow
 def test_table_and_half_cycles_one_by_one_are_the_motion_integrated_from_event_to_event(motion):
     x0, ts, expected = motion
     highest = SPRING.unsteepened(1.1 * SPRING.steepened(np.float64(x0)))  # pyright: ignore[reportArgumentType]

@@ -61,6 +61,7 @@ def last_phase(steps: Mesh) -> float:
     return float(steps.ends[int(steps.n_phase)])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", LAWS)
 def test_phase_and_time_give_the_same_motion(name):
     oscillator, ts = machine(LAWS[name]), np.linspace(0, END, TIMES)
