@@ -10,6 +10,8 @@ from fricjax.oscillator import Oscillator, Smooth, starting_state
 from fricjax.oscillator.engines.smooth import Mesh
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 
+pytestmark = pytest.mark.slow
+
 STIFFNESS, LOAD, END, CAPACITY = 2574.0, 9.66, 0.3, 1 << 14
 TIMES = 1501
 ACCURACY = 1e-10
@@ -61,7 +63,6 @@ def last_phase(steps: Mesh) -> float:
     return float(steps.ends[int(steps.n_phase)])
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", LAWS)
 def test_phase_and_time_give_the_same_motion(name):
     oscillator, ts = machine(LAWS[name]), np.linspace(0, END, TIMES)

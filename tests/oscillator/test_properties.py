@@ -39,6 +39,7 @@ displacements = st.floats(-3e-3, 3e-3)
 velocities = st.one_of(st.just(0.0), st.floats(0.01, 0.2), st.floats(-0.2, -0.01))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ENGINES)
 @given(p=machines, x0=displacements, v0=velocities, factor=st.sampled_from([0.125, 4.0, 1024.0]))
 def test_a_common_factor_of_all_forces_changes_nothing(name, p, x0, v0, factor):
@@ -57,6 +58,7 @@ def test_the_mirrored_start_gives_the_mirrored_motion(name, p, x0, v0):
     np.testing.assert_array_equal(a.friction_force, -b.friction_force)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ENGINES)
 @given(p=machines, x0=displacements, v0=velocities, index=st.integers(1, 60))
 def test_a_motion_continued_from_one_of_its_samples_is_the_same_motion(name, p, x0, v0, index):
@@ -68,6 +70,7 @@ def test_a_motion_continued_from_one_of_its_samples_is_the_same_motion(name, p, 
     np.testing.assert_allclose(rest.x[:-index], whole.x[index:], rtol=0, atol=tolerance)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ENGINES)
 @given(p=machines, fraction=st.floats(-0.999, 0.999))
 def test_a_start_inside_the_static_band_stays(name, p, fraction):
@@ -79,6 +82,7 @@ def test_a_start_inside_the_static_band_stays(name, p, fraction):
     np.testing.assert_allclose(motion.friction_force, -p[1] * x0, rtol=1e-12, atol=1e-14)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ENGINES)
 @given(p=machines, x0=displacements, v0=velocities)
 def test_energy_falls_steadily_and_rest_is_final(name, p, x0, v0):

@@ -26,6 +26,7 @@ def machine(law) -> Oscillator:
     return Oscillator(M, K, C, N, law)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", LAWS.values(), ids=LAWS.keys())
 def test_half_cycles_and_stop_are_those_of_the_motion(law):
     found = [simulate(machine(law), 2e-3, ts) for ts in SAMPLINGS]
@@ -58,6 +59,7 @@ def test_reversals_and_stop_against_scipy():
     assert float(motion.turning_points[HALF_CYCLES]) == pytest.approx(float(oracle(np.array([stop]))[0]), abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", [LAWS["rings"], LAWS["springs back slowly"]], ids=["rings", "springs back slowly"])
 def test_the_mass_is_at_rest_where_it_no_longer_moves(law):
     """Compare `at_rest` with the distance to the final position.
@@ -88,6 +90,7 @@ def test_a_start_in_motion_completes_its_stroke():
     assert {int(motion.n_half_cycles) for motion in found} == {int(rigid.n_half_cycles)}
 
 
+@pytest.mark.slow
 def test_a_law_that_creeps_never_stops():
     law = Tanh(0.05, 1e-3)
     found = [simulate(machine(law), 2e-3, ts, engine="smooth") for ts in SAMPLINGS]
@@ -100,6 +103,7 @@ def test_a_law_that_creeps_never_stops():
     np.testing.assert_allclose(found[0].turning_points[1 : n + 1], dense[turns], rtol=0, atol=1e-10)
 
 
+@pytest.mark.slow
 def test_derivatives_of_stop_and_reversals():
     """Compare derivatives in the stiffness with differences."""
     ts = jnp.asarray([0.3])
@@ -114,6 +118,7 @@ def test_derivatives_of_stop_and_reversals():
     np.testing.assert_allclose(points, (above[1] - below[1]) / 2, rtol=1e-3)
 
 
+@pytest.mark.slow
 def test_the_list_holds_as_many_half_cycles_as_it_can():
     motion = simulate(machine(LAWS["rings"]), 2e-3, SAMPLINGS[0], engine=Smooth(max_half_cycles=3))
     assert motion.turning_points.shape == (4,) and int(motion.n_half_cycles) == HALF_CYCLES

@@ -44,6 +44,7 @@ def test_order_five_on_a_nonautonomous_system():
     assert np.all(order > 4.7)
 
 
+@pytest.mark.slow
 def test_dense_output_of_order_four():
     ts = np.linspace(0, 2, 333)
     exact = np.stack([np.exp(np.sin(ts**2)), np.exp(np.cos(ts**2))])
@@ -73,6 +74,7 @@ def test_a_step_damps_what_is_infinitely_stiff():
     assert abs(float(a[0])) < 1e-8
 
 
+@pytest.mark.slow
 def test_what_has_no_rate_is_held_by_the_same_step():
     def field(t, y, _):
         return (-y[2] * y[0] + y[3], y[0] * y[3], jnp.zeros(()), jnp.zeros(()))
@@ -97,6 +99,7 @@ def test_error_estimate_chooses_the_steps():
         assert abs(float(a[0]) - np.exp(np.sin(4))) < 30 * tolerance
 
 
+@pytest.mark.slow
 def test_the_loop_calls_no_library():
     machine = Oscillator(0.41, 2574.0, 0.17, 1.89, LuGre(0.01))
 

@@ -83,6 +83,7 @@ DAMAGE = {
 }
 
 
+@pytest.mark.slow
 def test_damaged_programs_are_made_again_in_silence(filled, programs):
     first, (folder,) = filled[1], programs.iterdir()
     files = sorted(folder.iterdir())
@@ -97,6 +98,7 @@ def test_damaged_programs_are_made_again_in_silence(filled, programs):
     assert sorted(folder.iterdir()) == files
 
 
+@pytest.mark.slow
 def test_nothing_is_loaded_from_where_others_can_write(programs):
     (folder,) = programs.iterdir()
     before = {path: path.stat().st_mtime_ns for path in folder.iterdir()}
