@@ -156,6 +156,7 @@ HAIRS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hair", cases(HAIRS, HAIRS[:2]), ids=str)
 def test_a_start_by_a_hair(hair: Hair):
     ts = np.linspace(0, 0.35, 351)

@@ -94,6 +94,7 @@ def test_energy_falls_steadily_and_rest_is_final(name, p, x0, v0):
     assert np.all(np.abs(motion.friction_force) <= p[3] * p[4] * p[5] * (1 + 1e-9))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ENGINES)
 @pytest.mark.parametrize("v0", [0.0, 0.1])
 def test_losses_balance_the_energy(name: str, v0: float):

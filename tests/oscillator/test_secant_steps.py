@@ -2,6 +2,7 @@
 
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 from fricjax.friction import Dahl
 from fricjax.oscillator import Oscillator, simulate

@@ -130,6 +130,7 @@ def test_single_precision_is_refused_with_the_remedy():
     assert 'jax.config.update("jax_enable_x64", True)' in done.stdout
 
 
+@pytest.mark.slow
 def test_more_half_cycles_than_provided_for():
     machine = Oscillator(*RIG, Stribeck(0.01, 0.02))
     motion = simulate(machine, 3e-3, TS, engine=Hybrid(max_half_cycles=3))

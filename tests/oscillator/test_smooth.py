@@ -17,6 +17,7 @@ TS = np.linspace(0, 2, 2001)
 TENTH_OF_A_NANOMETRE = 1e-10
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("v_s", [1e-3, 1e-4])
 def test_tanh(v_s: float):
     motion = simulate(Oscillator(M, K, C, 1.89, Tanh(0.01, v_s)), 2e-3, TS, engine="smooth")
@@ -24,6 +25,7 @@ def test_tanh(v_s: float):
     np.testing.assert_allclose(motion.x, expected, rtol=0, atol=TENTH_OF_A_NANOMETRE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mu_s", [0.01, 0.013])
 def test_lugre(mu_s: float):
     sigma = (1e5, 1.4 * np.sqrt(1e5 * M), 0.0)
@@ -44,6 +46,7 @@ def test_samples_before_time_zero_continue_the_motion():
     assert float(early.x[1]) == pytest.approx(2e-3, rel=1e-15)
 
 
+@pytest.mark.slow
 def test_an_integration_out_of_steps_says_so():
     machine = Oscillator(M, K, C, 1.89, Tanh(0.01, 1e-3))
     motion = simulate(machine, 2e-3, np.array([0.1, 0.2]), engine=Smooth(max_steps=10))
