@@ -60,6 +60,7 @@ def test_each_says_where_it_comes_from():
         assert any(origin in text for origin in ("Derived", "Convention", "Tuned")), name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factor", [0.5, 2.0])
 @pytest.mark.parametrize("name", NAMES)
 def test_half_or_twice_as_large_it_moves_no_value(monkeypatch, name, factor):
@@ -73,6 +74,7 @@ def test_half_or_twice_as_large_it_moves_no_value(monkeypatch, name, factor):
             assert now.std_errors[each] == pytest.approx(was.std_errors[each], rel=SMALL), (run, each)
 
 
+@pytest.mark.slow
 def test_far_off_it_is_seen(monkeypatch):
     """With an impossible threshold, coloured noise counts as white, with small errors."""
     was = before("coloured").std_errors["mu"]

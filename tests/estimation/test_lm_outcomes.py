@@ -92,6 +92,7 @@ def with_a_hole(p, at):
     return jnp.where(jnp.abs(p[0] - at) < 1e-6, jnp.nan, decay(p))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", cases([1, 2, 3], [1]))
 def test_a_single_trial_that_is_not_finite_is_stepped_around(number):
     met = solve(decay, (1.0, 1.0, 0.0), max_steps=number).state.trial[0]

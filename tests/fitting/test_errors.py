@@ -180,6 +180,7 @@ def test_fewer_than_two_half_cycles_do_not_determine_friction_beside_an_offset()
         fit([RUN, coulomb_run(0.7e-3)], machine(), ["mu"])
 
 
+@pytest.mark.slow
 def test_one_half_cycle_is_enough_where_the_offset_is_known():
     found = fit(coulomb_run(0.5e-3), machine(), ["mu"], start="release", nuisance=["x0"])
     assert abs(found.values["mu"] - 0.05) < 1e-4  # the damping held fixed is 14 % too large

@@ -54,6 +54,7 @@ class TestStart:
         assert_true(found, {**TRUE, "x0": X0, "offset": 1e-4})
         assert np.isnan(found.residuals[: round(0.05 * 5e3)]).all()
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("seconds", [0.05, 0.0595, 0.075, 0.0801])
     def test_seconds_start_in_mid_stroke_also_next_to_the_middle_and_to_a_reversal(self, run, seconds):
         found = fit(run, machine(), MACHINE, start=seconds)
@@ -63,6 +64,7 @@ class TestStart:
         low, high = found.intervals["mu_s"]
         assert low <= found.values["mu"] + 1e-9 and 0.1 < high < 0.2
 
+    @pytest.mark.slow
     def test_drift_is_separated_from_the_decay(self):
         drifting = coulomb_run(drift=1e-6)
         found = fit(drifting, machine(), MACHINE, nuisance=["t_release", "x0", "offset", "drift"])

@@ -35,10 +35,8 @@ LACKING = {
 }
 
 
-@pytest.mark.parametrize(
-    "truth, command",
-    [pytest.param(*case, id=name, marks=pytest.mark.slow if name != "drag" else ()) for name, case in LACKING.items()],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("truth, command", LACKING.values(), ids=LACKING.keys())
 def test_what_is_lacking_is_named(truth, command):
     found = fit(run(truth), machine(Coulomb(0.01)), MACHINE, throw=False)
     assert found.status.startswith("does not describe")

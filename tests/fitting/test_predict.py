@@ -38,6 +38,7 @@ def test_behind_the_end_of_a_rolling_run_the_mass_stops_where_the_law_stops_it(t
     assert load_fit(tmp_path / "fit.json").predict(later) == pytest.approx(found.predict(later), abs=1e-15)
 
 
+@pytest.mark.slow
 def test_times_may_come_in_any_order_and_from_both_sides_of_the_end():
     run, machine = noisy("rolling", "Coulomb", 0), oscillator(RIGS["rolling"], "Coulomb")
     found = fit(run, machine, MACHINE)

@@ -32,7 +32,7 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("name", cases(CASES, ["Dahl rolling", "LuGre"]))
+@pytest.mark.parametrize("name", cases(CASES, ["LuGre"]))
 def test_motion(name: str):
     machine, coefficients = CASES[name]
     law = name.split()[0]

@@ -70,6 +70,7 @@ def test_derivatives_agree_with_differences_of_the_event_driven_motion():
     assert np.all(error < 1e-5), error
 
 
+@pytest.mark.slow
 def test_jenkins_half_cycles():
     # Each reversal returns 2 F_d l: a' = -x_d + sqrt((a - x_d)^2 + 4 x_d l), undamped.
     mu, load, sigma0 = 0.05, 9.66, 1e6

@@ -64,6 +64,7 @@ def test_the_curve_is_that_of_scipy(kind, oracle, forces):
     np.testing.assert_allclose(sliding(kind(KNOTS, forces), SPEEDS), expected, rtol=1e-12, atol=1e-14)
 
 
+@pytest.mark.slow
 @BOTH
 def test_its_derivative_is_continuous_and_vanishes_beyond_the_last_speed(kind):
     law = kind(KNOTS, FORCES)

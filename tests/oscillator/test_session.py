@@ -157,6 +157,7 @@ def test_doctor_says_why_there_is_no_cache(tmp_path, monkeypatch):
     assert found.startswith(f"off: others can write to {folder}, ")
 
 
+@pytest.mark.slow
 def test_a_folder_that_the_user_gave_to_jax_stays(tmp_path):
     found = told(FRICJAX_CACHE_DIR=str(tmp_path / "ours"), JAX_COMPILATION_CACHE_DIR=str(tmp_path / "theirs"))
     assert found["imported"] == found["at"] == str(tmp_path / "theirs")

@@ -154,6 +154,7 @@ def test_overdamped():
     assert np.all(np.isnan(hybrid.x[1:]))
 
 
+@pytest.mark.slow
 def test_drag_hidden_from_the_exact_engine_is_told_in_its_result():
     def run(drag):
         return simulate(Oscillator(*RIG, Coulomb(0.1), drag=drag), 3e-3, TS, engine="exact")

@@ -53,6 +53,7 @@ def test_an_integration_out_of_steps_says_so():
     assert "max_steps" in str(motion.result) or "maximum number of solver steps" in str(motion.result)
 
 
+@pytest.mark.slow
 def test_bristles_hold_the_mass_where_it_stops():
     sigma0 = 1e5
     machine = Oscillator(M, K, C, 9.66, LuGre(0.05, sigma0=sigma0, sigma1=2 * np.sqrt(sigma0 * M)))

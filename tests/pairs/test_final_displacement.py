@@ -56,6 +56,7 @@ def test_standard_errors_are_honest():
     assert abs(np.mean(pulls)) < 0.5
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None)
 @given(
     seed=st.integers(0, 10_000),
@@ -95,6 +96,7 @@ def test_a_stribeck_law_is_fitted_too():
     assert "mu_s" not in found.values
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("time_constant", [0.0, 3e-3])
 def test_pairs_from_the_first_reversal_do_not_feel_the_release(time_constant: float):
     runs = [

@@ -30,6 +30,7 @@ def test_the_release_is_found_within_its_uncertainty(time_constant: float, seed:
     assert "time_constant" in found.summary()
 
 
+@pytest.mark.slow
 def test_a_record_that_begins_at_a_reversal_cannot_tell():
     record = run(1e-3, 0)
     found = fj.fit(record, SLIDING, MACHINE)

@@ -45,6 +45,7 @@ def test_the_bound_by_derivatives_holds(found):
     assert found.plot().get_axes()[0].get_xlabel() == "Part of the variance [1]"
 
 
+@pytest.mark.slow
 def test_of_small_ranges_the_indices_are_those_of_the_first_order():
     """Compare with shares of squared slopes times ranges, by `local`.
 

@@ -63,6 +63,7 @@ def test_the_sensitivity_is_that_of_fits_with_shifted_inputs(rig, fit, name):
     check_sensitivities(fit, name, [refitted(rig, name, step), refitted(rig, name, -step)], step, INPUTS[name].value)
 
 
+@pytest.mark.slow
 def test_a_drag_of_zero_may_be_uncertain():
     """Differentiate in a drag of zero, which the exact engine cannot do."""
     rig = fj.Rig(**INPUTS, drag=fj.Measured(0.0, 5e-3))

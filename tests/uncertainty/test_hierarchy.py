@@ -24,6 +24,7 @@ def found():
     return fj.uncertainty.hierarchical((VALUES, ERRORS), draws=1500)
 
 
+@pytest.mark.slow
 def test_the_mean_is_distributed_as_student_says(found):
     """Compare with Student's t with n - 2 degrees of freedom.
 

@@ -26,6 +26,7 @@ def posterior(fit):
     return fj.uncertainty.posterior(fit, 500)
 
 
+@pytest.mark.slow
 def test_a_normal_posterior_has_the_covariance_of_the_fit(fit, posterior):
     assert posterior.converged and posterior.divergences == 0
     assert min(posterior.effective.values()) >= 400
