@@ -95,7 +95,7 @@ def test_a_law_of_ones_own_must_describe_its_coefficients():
     class Heavy(restoring.Linear):
         added: Scalar = eqx.field(converter=scalar, default=0.0)
 
-    with pytest.raises(TypeError, match="Heavy has the coefficient added"):
+    with pytest.raises(TypeError, match="Heavy does not describe its coefficient added"):
         Heavy(1.0)
 
 
