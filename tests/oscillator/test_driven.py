@@ -38,6 +38,7 @@ def test_undriven_rolling_is_exact_to_a_tenth_of_a_nanometre(duration):
     assert np.count_nonzero(ours.at_rest != np.asarray(exact.at_rest)) <= 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "oscillator",
     [

@@ -106,7 +106,7 @@ pushed = eqx.filter_jit(lambda run, p, tangent: jax.jvp(lambda q: run(q), (p,), 
 positions = eqx.filter_jit(lambda run, p: run(p).x)
 
 
-@pytest.fixture(scope="module", params=cases(CASES, ["exact, released", "hybrid, released"]))
+@pytest.fixture(scope="module", params=cases(CASES, ["exact, released"]))
 def case(request: pytest.FixtureRequest) -> Case:
     return CASES[request.param]
 

@@ -44,7 +44,7 @@ FUNCTIONS = {
 }
 
 
-@pytest.mark.parametrize("name", FUNCTIONS)
+@pytest.mark.parametrize("name", cases(FUNCTIONS, ["elementwise", "choice", "loop", "until", "nothing"]))
 def test_results_are_those_of_the_function(name):
     function = FUNCTIONS[name]
     few = jax.jit(in_few_kernels(function)).lower(X).compile(OPTIONS)(X)
@@ -183,6 +183,7 @@ def test_a_name_that_jax_moves_is_not_needed(moved, tmp_path):
 BEGIN = """
 import jax, jax.numpy as jnp, numpy as np
 from fricjax.oscillator.kernels import OPTIONS, in_few_kernels
+from tests.tiers import cases
 """
 WITHOUT_USE = """
 def f(x, k, c):

@@ -76,7 +76,9 @@ def test_each_shape_and_each_class_has_its_own(folder):
     assert len(traces) == len(traced(folder)) == 4
 
 
-@pytest.mark.parametrize("law", [Coulomb(0.05), Tanh(0.05, 1e-3)], ids=["Coulomb", "Tanh"])
+@pytest.mark.parametrize(
+    "law", [Coulomb(0.05), pytest.param(Tanh(0.05, 1e-3), marks=pytest.mark.slow)], ids=["Coulomb", "Tanh"]
+)
 def test_a_later_process_traces_no_motion_again(folder, law, monkeypatch):
     machine, ts = Oscillator(1.0, 5000.0, 1.0, 9.81, law), np.linspace(0.0, 0.3, 31)
     forget_programs()

@@ -37,6 +37,7 @@ def test_the_slope_by_mu_is_that_of_the_map():
     assert found.std_errors["mu"] == pytest.approx(1e-9 / np.linalg.norm(slopes), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_damping_is_found_beside_mu():
     xf, _ = campaign(STARTS)
     found = fit_final_displacements(STARTS, xf, machine(damping=1.2 * DAMPING), ["mu", "damping"])

@@ -200,6 +200,7 @@ def test_reasons_are_grouped_by_what_is_alike():
     assert of.tolist() == [0, 0, 1, 1, -1]
 
 
+@pytest.mark.slow
 def test_a_fit_has_the_pictures_of_its_runs(fit):
     data = Parsed(fj.report.page(fit)).data
     assert data["rows"] == 1 and data["pictures"]["frictionIsMu"]

@@ -12,6 +12,7 @@ import fricjax as fj
 from fricjax.errors import UsageError
 from fricjax.fitting.problem import displaced, with_windows
 from tests.machines import coulomb_run
+from tests.tiers import cases
 
 FREE = ("mu", "damping", "stiffness")
 MACHINE = fj.Oscillator(0.41068, 2574.0, 0.1756, 9.66, fj.friction.Coulomb(0.05))
@@ -34,7 +35,7 @@ def coloured():
     return fj.fit((run.t, run.x + noise), MACHINE, FREE)
 
 
-@pytest.mark.parametrize("noise", ["blocks", "model"])
+@pytest.mark.parametrize("noise", cases(["blocks", "model"], ["blocks"]))
 def test_the_scatter_is_the_standard_error(white, noise):
     sample = fj.uncertainty.bootstrap(white, DRAWS, noise=noise)
     assert sample.failed == 0
