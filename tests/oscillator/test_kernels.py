@@ -15,6 +15,7 @@ from fricjax.oscillator import kernels as module
 from fricjax.oscillator import program
 from fricjax.oscillator.kernels import OPTIONS, in_few_kernels
 from fricjax.oscillator.program import Program
+from tests.tiers import cases
 
 X = np.linspace(0.1, 2.0, 60)
 
@@ -183,7 +184,6 @@ def test_a_name_that_jax_moves_is_not_needed(moved, tmp_path):
 BEGIN = """
 import jax, jax.numpy as jnp, numpy as np
 from fricjax.oscillator.kernels import OPTIONS, in_few_kernels
-from tests.tiers import cases
 """
 WITHOUT_USE = """
 def f(x, k, c):
