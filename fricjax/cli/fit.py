@@ -152,7 +152,7 @@ def report(fit: "Fit", choice: "Choice") -> tuple[dict[str, Any], str]:
 
     Without a rig, the text shows only numbers that need no rig.
     """
-    data = {**fit.to_dict(), "calibrated": choice.rig is not None}
+    data = {**_with_numbers(fit.to_dict()), "calibrated": choice.rig is not None}
     if choice.rig is not None:
         return data, fit.summary()
     from ..fitting.show import facts, kinematics_table
@@ -167,6 +167,15 @@ def report(fit: "Fit", choice: "Choice") -> tuple[dict[str, Any], str]:
     lines += [f"! {sentence}" for sentence in sentences]
     hint = "Without a rig there is no mu: give --rig rig.toml, or --mass and --normal-force, to get it."
     return data, "\n\n".join([kinematics_table(fit).text(), "\n".join(lines), hint])
+
+
+def _with_numbers(value: Any) -> Any:
+    """Turn the texts "nan" and "inf" of `Fit.to_dict` into numbers."""
+    if isinstance(value, dict):
+        return {name: _with_numbers(each) for name, each in value.items()}
+    if isinstance(value, list):
+        return [_with_numbers(each) for each in value]
+    return float(value) if value in ("nan", "inf", "-inf") else value
 
 
 def write_outcome(

@@ -28,8 +28,6 @@ PATIENCE = 2.0
 _UNSEEN = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ud800-\udfff]")
 # Keys of an outcome that hold sentences.
 _SENTENCES = ("status", "warnings", "error", "notes", "remarks")
-# `Fit.to_dict` writes numbers that are not finite as these texts.
-_NOT_FINITE = ("nan", "inf", "-inf")
 
 
 def _for_json(value: Any) -> Any:
@@ -42,8 +40,6 @@ def _for_json(value: Any) -> Any:
         return _for_json(value.tolist())
     if isinstance(value, float):
         return value if math.isfinite(value) else None
-    if isinstance(value, str) and value in _NOT_FINITE:
-        return None
     return value if value is None or isinstance(value, bool | int | str) else str(value)
 
 

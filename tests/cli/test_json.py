@@ -15,9 +15,8 @@ import typer
 import fricjax as fj
 from fricjax.cli.main import SCHEMAS, app
 from tests.cli.conftest import call
+from tests.laboratory import RIG, write_files, write_table
 
-# The machine of the records in tests/notebooks/test_blocks.py: its compiled programs are shared.
-RIG = 'mass = "410.68(4) g"\nstiffness = "2574(3)"\nnormal_force = "1.890(5)"\ndamping = 0.1756\n'
 DOCUMENTS = {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in sorted(SCHEMAS.glob("*.json"))}
 WITH_RIG = "--rig rig.toml"
 # Commands in their order, each with the name of its schema and its exit code.
@@ -54,33 +53,14 @@ FILES = {"fit.json": "fit", "bound.json": "fit", "energy.json": "energy"}
 def folder(tmp_path_factory) -> Path:
     """Write the files that the commands name."""
     folder = tmp_path_factory.mktemp("json")
-    (folder / "runs").mkdir()
-
-    def record(name: str, mu: float = 0.05, x0: float = 2e-3, seed: int = 1) -> fj.Record:
-        oscillator = fj.Oscillator(0.41068, 2574.0, 0.1756, 1.89, fj.friction.Coulomb(mu))
-        run = fj.synthetic_run(oscillator, x0, rate=5000.0, duration=2.0, noise=5e-9, seed=seed)
-        table(name, **{"Time [s]": run.t, "Displacement [m]": run.x})
-        return run
-
-    def table(name: str, **columns: Any) -> None:
-        np.savetxt(
-            folder / name, np.column_stack([*columns.values()]), "%.17g", ",", header=",".join(columns), comments=""
-        )
-
-    record("run.csv")
-    runs = [record(f"run{k + 1}.csv", x0=x0, seed=k) for k, x0 in enumerate((1e-3, 2e-3, 2.9e-3))]
-    record("runs/run.csv")
-    record("free.csv", mu=0.0)
+    write_files(folder)
     (folder / "runs" / "broken.csv").write_text("t,x\n1,a\n")
     (folder / "rig.toml").write_text(RIG)
-    named = [
-        (f"{name} Run #{k}", x) for k, run in enumerate(runs, 1) for name, x in (("t (s)", run.t), ("x (m)", run.x))
-    ]
-    table("sheet.csv", **dict(named))
     frequency = 10 + np.arange(401) / 80
     omega = 2 * np.pi * frequency
     receptance = 1 / (2574.0 - 0.41068 * omega**2 + 0.1756j * omega)
-    table("receptance.csv", **{"Frequency [Hz]": frequency, "Re [m/N]": receptance.real, "Im [m/N]": receptance.imag})
+    parts = {"Re [m/N]": receptance.real, "Im [m/N]": receptance.imag}
+    write_table(folder / "receptance.csv", **{"Frequency [Hz]": frequency, **parts})
     return folder
 
 
@@ -140,6 +120,13 @@ def test_infinity_is_null_on_stdout_and_a_text_in_a_file(printed, folder):
     stored = json.loads((folder / "bound.json").read_text(encoding="utf-8"))
     assert stored["std_errors"]["damping"] == "inf"
     assert math.isinf(fj.load_fit(folder / "bound.json").std_errors["damping"])
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("printed")
+def test_a_text_that_reads_inf_stays(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    assert json.loads(call("query", "select 'inf' as word", "results", "--json").out)["rows"] == [["inf"]]
 
 
 @pytest.mark.slow

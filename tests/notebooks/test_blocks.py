@@ -5,16 +5,14 @@ import shlex
 import shutil
 import tomllib
 from pathlib import Path
-from typing import NamedTuple
 
-import numpy as np
-import pandas as pd
 import pytest
 
 import fricjax as fj
 from tests import documents
 from tests.cli.conftest import call
 from tests.documents import ROOT
+from tests.laboratory import RIG, write_files
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "notebooks").glob("*.md"))]
 QUANTITIES = ("Time", "Displacement", "Amplitude", "Velocity", "Speed", "Friction force", "Frequency", "Residual")
@@ -29,13 +27,6 @@ EXCEPTED = {
     "mkdocs build": "tests/notebooks/test_pages.py builds the documentation",
     "--cluster slurm.toml": "needs SLURM; tests/archive/test_cluster.py has a stand-in for it",
 }
-RIG = """\
-mass = "410.68(10) g"
-stiffness = "2574(2) N/m"
-normal_force = "1.890(5) N"
-damping = 0.1756
-"""
-"""The rig of the runs in the laboratory."""
 # Commands with a documented exit code other than 0.
 CODES = {"fricjax inspect sheet.csv": 4}
 # These options start processes, as tests/archive/test_distributed.py does. Here the commands run with --dry-run.
@@ -58,48 +49,12 @@ def test_the_blocks_of_a_page_run(path, tmp_path, monkeypatch):
             assert min(text.get_fontsize() for text in (axis.label, *ticks)) >= LEGIBLE
 
 
-class Files(NamedTuple):
-    """Writer of the files that the commands of the pages name.
-
-    The files have columns with units, as in a laboratory.
-    """
-
-    folder: Path
-
-    def write(self, name: str, **columns: object) -> None:
-        path = self.folder / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        pd.DataFrame(columns).to_csv(path, index=False)
-
-    def write_run(self, name: str, run: fj.Record) -> None:
-        self.write(name, **{"Time [s]": run.t, "Displacement [mm]": 1e3 * run.x})
-
-
 @pytest.fixture(scope="module")
 def laboratory(tmp_path_factory):
-    """Folder with the files that the pages name.
-
-    The runs are similar to those of README's Python blocks, so that both share programs.
-    """
-    files = Files(tmp_path_factory.mktemp("laboratory"))
-
-    def made(mu=0.05, x0=2e-3, seed=1, load=1.89, rate=5000.0):
-        oscillator = fj.Oscillator(0.41068, 2574.0, 0.1756, load, fj.friction.Coulomb(mu))
-        return fj.synthetic_run(oscillator, x0, rate=rate, duration=2.0, noise=5e-9, seed=seed)
-
-    several = [made(x0=x0, seed=seed) for seed, x0 in enumerate((1e-3, 2e-3, 2.9e-3))]
-    for number, run in enumerate(several, 1):
-        files.write_run(f"run{number}.csv", run)
-    files.write_run("run.csv", made())
-    files.write_run("free.csv", made(mu=0.0))
-    sheet = [(f"{name} Run #{i}", x) for i, r in enumerate(several, 1) for name, x in (("t (s)", r.t), ("x (m)", r.x))]
-    files.write("sheet.csv", **dict(sheet))
-    files.write("scope.csv", **{"Time [s]": several[0].t, "CH1 [V]": several[0].x / 12.5e-6})
-    np.savetxt(files.folder / "angles.txt", 5e3 * made(rate=1000.0).x)
-    for load in (2, 3):
-        for number in (1, 2):
-            files.write_run(f"runs/load_{load}N/run_{number}.csv", made(seed=number, load=float(load)))
-    return files.folder
+    """Folder with the files that the pages name."""
+    folder = tmp_path_factory.mktemp("laboratory")
+    write_files(folder)
+    return folder
 
 
 @pytest.mark.slow
