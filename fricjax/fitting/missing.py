@@ -225,9 +225,9 @@ def advice(
     by = f"{shift[most]:.2g} {rotary_unit(moved.unit, quantity)}".rstrip()
     names = [parameter.name for parameter in problem.parameters if "[" not in parameter.name]
     shared = [name for name in names if name.rsplit(".", 1)[-1] not in NUISANCES]
-    what, how = _advice(discrepancy.force, shared, quantity)
+    force, how = _advice(discrepancy.force, shared, quantity)
     yield (
-        f"{what} is detected ({discrepancy.seen:.3g} standard errors). Adding it would change {moved.name} by {by}; "
+        f"{force} is detected ({discrepancy.seen:.3g} standard errors). Adding it would change {moved.name} by {by}; "
         f"the standard error includes this. Fit with {how}."
     )
 

@@ -15,7 +15,6 @@ from fricjax.friction import Coulomb, QuadraticDrag, Stribeck, Tanh
 from fricjax.oscillator import Hybrid, Motion, Oscillator, is_successful, simulate, starting_state
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 from tests.oracles import Machine, Slide, slide, tanh_motion
-from tests.tiers import cases
 
 M, K, C, N = PROTOTYPE_MASS, 2574.0, PROTOTYPE_DAMPING, 9.66
 TENTH_OF_A_NANOMETRE = 1e-10
@@ -157,7 +156,7 @@ HAIRS = [
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("hair", cases(HAIRS, HAIRS[:2]), ids=str)
+@pytest.mark.parametrize("hair", HAIRS, ids=str)
 def test_a_start_by_a_hair(hair: Hair):
     ts = np.linspace(0, 0.35, 351)
     motion, expected = hair.motion(hair.values(), ts, Hybrid(28, 16)), hair.slide(hair.values(), ts)
