@@ -44,6 +44,7 @@ def test_the_curve_is_sharp_at_the_stribeck_velocity():
     assert np.all(found.std[near] < 0.05 * np.abs(found.force[near]))
 
 
+@pytest.mark.slow
 def test_runs_without_two_half_cycles_are_left_out_and_named():
     notes = stribeck_map().notes
     assert [note.split(":")[0] for note in notes] == [f"Left out run {i} (synthetic run)" for i in range(3)]

@@ -95,6 +95,7 @@ def shaken(seed: int, least: float = 1.8e-3, most: float = 2.6e-3, t: np.ndarray
     return Trace(t, np.asarray(motion.x) + 1e-9 * random.standard_normal(t.size))
 
 
+@pytest.mark.slow
 def test_a_floor_that_shakes_is_told_by_the_record():
     found = [fit(shaken(seed), MODEL, MACHINE) for seed in range(12)]
     true = {"mu": 0.05, "damping": PROTOTYPE_DAMPING, "stiffness": STIFFNESS}

@@ -73,6 +73,7 @@ def test_where_the_static_coefficient_is_bracketed_the_middle_of_its_interval_st
     assert rest[0] == rest[1] and abs(rest[0]) <= static / STIFFNESS
 
 
+@pytest.mark.slow
 def test_a_law_that_would_stop_the_mass_inside_the_record_is_remarked_on():
     """Fit with a static friction of 0.4.
 

@@ -55,7 +55,8 @@ CONTACTS = {
 }
 
 
-@pytest.mark.parametrize("name", cases(CONTACTS, [next(iter(CONTACTS))]))
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CONTACTS)
 def test_derivatives(name: str):
     names, scale = list(CONTACTS[name]), np.array(list(CONTACTS[name].values()))
 

@@ -45,6 +45,7 @@ def test_the_same_seed_gives_the_same_run():
     assert np.std(first.trace.x - other.trace.x) > 1e-9
 
 
+@pytest.mark.slow
 def test_random_effects_draw_from_streams_of_their_own():
     clean, noisy = run(noise=0.0).trace.x, run(noise=1e-9).trace.x
     shaken, both = (run(noise=std, floor_acceleration_psd=3.4e-7).trace.x for std in (0.0, 1e-9))

@@ -123,6 +123,7 @@ def motions_of(machine: Oscillator, starts: jax.Array, ts: jax.Array, engine: Hy
     return jax.vmap(lambda start: simulate(machine, start[0], ts, v0=start[1], engine=engine))(starts)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", cases(HYBRID, ["sliding"]))
 def test_any_sliding_law_and_spring(name: str):
     machine, plain, starts = HYBRID[name]

@@ -18,6 +18,7 @@ from tests.helpers import (
     GOLDEN,
     SAMPLE_TIMES,
 )
+from tests.tiers import cases
 
 X0 = jnp.asarray([case.x0 for case in GOLDEN])
 EXPECTED = {name: np.array([getattr(case, name) for case in GOLDEN]) for name in ("half_cycles", "final", "t_stop")}
@@ -29,7 +30,7 @@ def golden_machines() -> Oscillator:
     return jax.tree.map(lambda *leaves: jnp.stack(leaves), *(case.oscillator() for case in GOLDEN))
 
 
-@pytest.fixture(scope="module", params=ENGINES)
+@pytest.fixture(scope="module", params=cases(ENGINES, ["exact"]))
 def engine(request: pytest.FixtureRequest) -> str:
     return request.param
 

@@ -169,6 +169,7 @@ def test_a_start_by_a_hair(hair: Hair):
     assert np.all(np.isnan(motion.turning_points[n + 1 :]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("v0", [0.01, -1e-4, -0.02])
 def test_a_start_in_motion_close_to_the_edge(v0: float):
     hair, ts = HAIRS[3], np.linspace(0, 0.2, 201)

@@ -79,6 +79,7 @@ def test_before_the_stop_there_is_none():
     assert int(motion.n_half_cycles) == 2 and np.isinf(motion.t_stop) and not motion.at_rest[0]
 
 
+@pytest.mark.slow
 def test_a_start_within_the_dead_band_makes_no_half_cycle():
     motion = simulate(machine(LAWS["rings"]), 0.5 * float(machine(LAWS["rings"]).dead_band), np.array([0.1, 0.5]))
     assert int(motion.n_half_cycles) == 0 and motion.t_stop == 0.0
@@ -125,6 +126,7 @@ def test_the_list_holds_as_many_half_cycles_as_it_can():
 
 
 class TestFinalDisplacement:
+    @pytest.mark.slow
     def test_a_contact_that_rings_for_long_is_waited_for(self):
         """Compare with SciPy after 8 s.
 
@@ -140,6 +142,7 @@ class TestFinalDisplacement:
     def test_a_motion_that_does_not_come_to_rest_has_none(self):
         assert np.isnan(final_displacement(machine(LAWS["rings"]), 2e-3, engine=Smooth(max_steps=500)))
 
+    @pytest.mark.slow
     def test_it_may_be_vmapped_and_differentiated(self):
         oscillator, starts = machine(LAWS["springs back slowly"]), jnp.asarray([2e-3, 1.7e-3])
         found = jax.vmap(lambda x: final_displacement(oscillator, x))(starts)

@@ -38,6 +38,7 @@ def error_at_the_end(steps: int) -> float:
     return abs(float(a[0] - np.exp(np.sin(4)))) + abs(float(b[0] - np.exp(np.cos(4))))
 
 
+@pytest.mark.slow
 def test_order_five_on_a_nonautonomous_system():
     errors = [error_at_the_end(n) for n in (40, 80, 160)]
     order = np.log2(np.array(errors[:-1]) / errors[1:])

@@ -39,6 +39,7 @@ def test_lugre(mu_s: float):
     np.testing.assert_allclose(motion.x, expected, rtol=0, atol=TENTH_OF_A_NANOMETRE)
 
 
+@pytest.mark.slow
 def test_samples_before_time_zero_continue_the_motion():
     machine = Oscillator(M, K, C, 1.89, Tanh(0.01, 1e-3))
     early = simulate(machine, 2e-3, np.array([-1e-5, 0.0, 1e-3]), v0=0.1)

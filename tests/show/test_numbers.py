@@ -102,6 +102,7 @@ def test_engineering(value, unit, text):
     assert engineering(value, unit) == text
 
 
+@pytest.mark.slow
 @given(value=magnitudes, unit=st.sampled_from(["m", "s", "N", "rad"]))
 def test_engineering_keeps_three_digits(value, unit):
     from pint import UnitRegistry

@@ -81,6 +81,7 @@ def test_arviz_takes_the_draws(posterior):
     assert tree["posterior"]["mu"].shape == (4, 500)
 
 
+@pytest.mark.slow
 def test_what_has_no_posterior_is_refused(fit):
     with pytest.raises(UsageError, match="A robust loss is no likelihood"):
         fj.uncertainty.posterior(fj.fit(run(), MACHINE, FREE, loss="huber"))
