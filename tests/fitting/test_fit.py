@@ -359,6 +359,7 @@ class TestHalfCycles:
         assert found.values["mu"] == pytest.approx(plain.values["mu"], abs=1e-3 * plain.std_errors["mu"])
         assert found.chi2 == pytest.approx(plain.chi2, abs=1e-3)
 
+    @pytest.mark.slow
     def test_static_friction_is_bracketed(self):
         """Check that every bracket contains the truth.
 

@@ -65,7 +65,8 @@ def test_it_moves(name: str):
     assert abs(x[-1]) < 0.99 * abs(X0)
 
 
-@pytest.mark.parametrize("name", cases(LAWS, CORE))
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LAWS)
 def test_its_motion_is_that_of_the_solvers_of_diffrax(name: str):
     # The other tests use the same motion of the law's engine, so it is compiled once.
     reference = simulate(machine_with(LAWS[name].law), X0, TS, engine="diffrax")

@@ -139,6 +139,7 @@ class TestFinalDisplacement:
         early = simulate(machine(law), 2e-3, np.array([0.3])).x[0]
         assert abs(float(early) - late[-1]) > 1e-6
 
+    @pytest.mark.slow
     def test_a_motion_that_does_not_come_to_rest_has_none(self):
         assert np.isnan(final_displacement(machine(LAWS["rings"]), 2e-3, engine=Smooth(max_steps=500)))
 

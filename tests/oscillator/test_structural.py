@@ -10,7 +10,6 @@ from fricjax.friction import Coulomb, LuGre
 from fricjax.oscillator import Oscillator, energy, simulate
 from fricjax.oscillator.restoring import Structural
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
-from tests.tiers import cases
 
 STIFFNESS, LOAD, X0 = 2574.0, 9.66, 2e-3
 T = np.linspace(0, 0.45, 901)
@@ -72,7 +71,8 @@ def _piece(t: float, y: np.ndarray, s: float, eta: float, friction: float):
     return solve_ivp(field, (t, 2.0), y, "DOP853", events=(passing, turning), **how)
 
 
-@pytest.mark.parametrize("eta_h", cases([1e-3, 0.05], [0.05]))
+@pytest.mark.slow
+@pytest.mark.parametrize("eta_h", [1e-3, 0.05])
 def test_the_decay_of_the_spring_alone_is_the_closed_form(eta_h: float):
     motion = simulate(machine(eta_h, mu=0.0, damping=0.0), X0, T)
     np.testing.assert_allclose(motion.x, alone(T, eta_h), atol=1e-11)

@@ -183,6 +183,7 @@ class TestWhatCannotBe:
         assert not found.converged and "undetermined" in found.status
         assert any("two half-cycles or more" in sentence for sentence in found.warnings)
 
+    @pytest.mark.slow
     def test_pairs_given_twice(self):
         x0 = np.tile(STARTS, 2)
         found = fit_final_displacements(x0, campaign(x0)[0], machine())

@@ -142,6 +142,7 @@ def test_compiling_is_named_as_such_while_jax_compiles_and_no_longer(terminal):
     assert len(jax._src.monitoring.get_event_listeners()) == count  # pyright: ignore[reportAttributeAccessIssue]
 
 
+@pytest.mark.slow
 def test_a_compilation_of_jax_is_seen(tmp_path):
     # A new process with an empty cache on a terminal. Compilation takes longer than the reduced patience.
     code = """
