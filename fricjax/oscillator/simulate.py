@@ -19,6 +19,7 @@ from .oscillator import AbstractRelease, Drive, Oscillator
 from .program import Program
 from .select import concrete, half_cycle_capacity, select_engine
 from .session import ready
+from .transposable import Outputs, transposable
 
 # Up to this many samples all motions share a compiled program. Beyond, sizes per factor of two: one if driven, else
 # four.
@@ -40,7 +41,7 @@ def simulate(
 ) -> Motion:
     """Simulate an oscillator that starts at `x0` at time zero.
 
-    All numeric arguments and all coefficients of the oscillator support forward-mode differentiation and vmap.
+    All numeric arguments and all coefficients of the oscillator support differentiation in both modes, to any order, and vmap.
 
     Args:
         oscillator: the oscillator with its friction law.
@@ -220,17 +221,50 @@ def _solved(
     ts: Float[Array, " samples"],
     drive: Drive | None,
 ) -> Motion:
-    start = starting_state(oscillator, x0, v0, state0)
-    if drive is not None and engine.takes_drive:
-        motion = engine.solve(oscillator, start, ts, drive=drive)  # pyright: ignore[reportCallIssue]
-        return motion if limit is None else eqx.tree_at(lambda m: m.regularisation_bias, motion, jnp.asarray(jnp.nan))
-    motion = engine.solve(oscillator, start, ts)
+    motion = motion_of(engine, oscillator, x0, v0, state0, ts, drive)
     if limit is None:
         return motion
-    # The bias is the distance to the motion without regularisation, so that motion is computed too.
-    reference = dataclasses.replace(oscillator, friction=oscillator.friction.set_valued_limit())
-    bias = jnp.max(jnp.abs(limit.solve(reference, start._replace(state=jnp.zeros(0)), motion.t).x - motion.x))
+    bias = jnp.asarray(jnp.nan)
+    if drive is None:
+        # The bias is the distance to the motion without regularisation, so that motion is computed too.
+        reference = dataclasses.replace(oscillator, friction=oscillator.friction.set_valued_limit())
+        bias = jnp.max(jnp.abs(motion_of(limit, reference, x0, v0, None, ts).x - motion.x))
     return eqx.tree_at(lambda m: m.regularisation_bias, motion, bias)
+
+
+def motion_of(
+    engine: AbstractEngine,
+    oscillator: Oscillator,
+    x0: Array,
+    v0: Array,
+    state0: Array | None,
+    ts: Float[Array, " samples"],
+    drive: Drive | None = None,
+    half_cycles: Array | None = None,
+) -> Motion:
+    """Integrate with a derivative rule for both modes.
+
+    The arguments are those of :func:`simulate` after its checks, with `half_cycles` as in the method `solve` of the
+    engine.
+    """
+
+    def outputs(numbers: tuple, ts: Array) -> Outputs:
+        engine, oscillator, x0, v0, state0, drive, half_cycles = numbers
+        start = starting_state(oscillator, x0, v0, state0)
+        driven = {} if drive is None else {"drive": drive}
+        motion = engine.solve(oscillator, start, ts, half_cycles, **driven)
+        return Outputs(
+            (motion.x, motion.v, motion.friction_force),
+            (motion.t_stop, motion.turning_points, motion.regularisation_bias),
+            (motion.at_rest, motion.n_half_cycles, motion.result, motion.stats),
+        )
+
+    numbers = engine, oscillator, x0, v0, state0, drive, half_cycles
+    (x, v, force), (t_stop, turning_points, bias), discrete = transposable(
+        outputs, one_by_one=not engine.vectorises
+    )(numbers, ts)
+    at_rest, n_half_cycles, result, stats = discrete
+    return Motion(ts, x, v, force, at_rest, t_stop, turning_points, n_half_cycles, bias, engine.name, result, stats)
 
 
 _solve = jax.jit(_solved)
@@ -293,11 +327,15 @@ def final_displacement(oscillator: Oscillator, x0: ArrayLike, *, engine: str | A
 
 @jax.jit
 def _final(engine: AbstractEngine, oscillator: Oscillator, x0: Array) -> Array:
-    start = starting_state(oscillator, x0, 0.0)
-    if oscillator.friction.set_valued:
+    def outputs(numbers: tuple, ts: Array) -> Outputs:
+        engine, oscillator, x0 = numbers
+        start = starting_state(oscillator, x0, 0.0)
+        if not oscillator.friction.set_valued:
+            return Outputs((), (engine.rest(oscillator, start),))
         motion = engine.solve(oscillator, start, jnp.asarray([1e30]))
-        return jnp.where(jnp.isfinite(motion.t_stop), motion.x[0], jnp.nan)
-    return engine.rest(oscillator, start)
+        return Outputs((), (jnp.where(jnp.isfinite(motion.t_stop), motion.x[0], jnp.nan),))
+
+    return transposable(outputs, one_by_one=not engine.vectorises)((engine, oscillator, x0), jnp.zeros(0)).single[0]
 
 
 def _half_cycles_to_rest(oscillator: Oscillator, x0: ArrayLike) -> int:

@@ -68,9 +68,11 @@ class HalfCycles(AbstractPath):
 
     def sample(self, ts: Float[Array, " samples"]) -> tuple[Float[Array, " samples"], Float[Array, " samples"]]:
         n = self.count_at(ts)
-        phase = self.damped_frequency * (ts + self.elapsed) - n * jnp.pi
+        # At rest the phase grows without bound, and reverse mode would multiply its zero weight by infinity.
+        at_rest = n >= self.last
+        phase = jnp.where(at_rest, 0.0, self.damped_frequency * (ts + self.elapsed) - n * jnp.pi)
         n, side = jax.lax.optimization_barrier((n, self.side_of(n)))
-        point, at_rest = self.alternating_amplitude(n), n >= self.last
+        point = self.alternating_amplitude(n)
         deflection, rate = swing(phase, -self.log_decrement / jnp.pi)
         distance = point - self.dead_band
         x = side * jnp.where(at_rest, point, self.dead_band + distance * deflection)
@@ -179,6 +181,7 @@ class Exact(AbstractEngine):
 
     name: ClassVar[str] = "exact"
     needs_mesh: ClassVar[bool] = False
+    vectorises: ClassVar[bool] = True
     max_half_cycles: int = eqx.field(static=True, default=512)
 
     @staticmethod

@@ -1,0 +1,176 @@
+"""Least-squares estimate as a pure function, for the transformations of JAX."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+from jax.core import Tracer
+from jaxtyping import Array, ArrayLike, Bool, Float
+
+from ..errors import UsageError
+from ..estimation.levenberg_marquardt import LevenbergMarquardt
+from ..estimation.passes import residual_and_jacobian
+from ..oscillator.engines.base import AbstractEngine
+from ..oscillator.oscillator import Oscillator, leaves_of
+from ..oscillator.select import half_cycle_capacity, select_engine
+from ..oscillator.session import ready
+from ..oscillator.simulate import motion_of
+from ..thresholds import SURE
+from .names import check_identifiable, check_names, find_leaf
+
+_NUISANCES = ("x0", "v0", "offset")
+# The derivatives hold at the optimum, so the last step is far below a standard error.
+_TOLERANCE = 1e-5
+
+
+class Estimate(eqx.Module):
+    """Result of :func:`estimate`; a pytree of arrays.
+
+    Attributes:
+        values: estimates by name, in SI units.
+        std_errors: standard errors by name, for white noise of the given `sigma`.
+        covariance: covariance of the estimates in the order of `names`, shape (names, names).
+        chi2: sum of the squared residuals over their variances.
+        converged: whether the solver converged and chi2 is consistent with `sigma`.
+        names: names of the estimates in the order of the covariance.
+    """
+
+    values: dict[str, Array]
+    std_errors: dict[str, Array]
+    covariance: Float[Array, "names names"]
+    chi2: Float[Array, ""]
+    converged: Bool[Array, ""]
+    names: tuple[str, ...] = eqx.field(static=True)
+
+
+def estimate(
+    x: ArrayLike,
+    ts: ArrayLike,
+    oscillator: Oscillator,
+    names: Sequence[str],
+    *,
+    x0: ArrayLike | None = None,
+    nuisance: Sequence[str] = ("x0", "offset"),
+    half_cycles: ArrayLike | None = None,
+    sigma: ArrayLike = 1.0,
+    mask: ArrayLike | None = None,
+    engine: str | AbstractEngine = "auto",
+    solver: optx.AbstractLeastSquaresSolver | None = None,
+) -> Estimate:
+    """Estimate coefficients by least squares; a pure function.
+
+    It supports `jax.jit`, `jax.vmap` and differentiation. The derivatives with respect to the data and to the fixed
+    coefficients follow from the implicit function theorem at the optimum. Unlike :func:`fricjax.fit`, the function does
+    not divide the record into half-cycles, does not analyse the noise, and prints no messages.
+
+    Args:
+        x: measured displacement [m], shape (samples,).
+        ts: times after the release [s], shape (samples,).
+        oscillator: the fixed coefficients, and the start values of the free ones.
+        names: free coefficients of the oscillator.
+        x0: displacement at time zero [m], fixed or the start value; None uses the first sample.
+        nuisance: free parameters of the record: any of "x0", "v0" (velocity at time zero) and "offset" (zero point).
+        half_cycles: number of half-cycles before the stop. None uses the rest condition of the law. Start values that
+            are off by ten percent may otherwise lead to the optimum of another number, where `converged` is False.
+        sigma: standard deviation of the noise [m], one number or shape (samples,).
+        mask: True for the samples to use, shape (samples,).
+        engine: as in :func:`fricjax.simulate`.
+        solver: least-squares solver of optimistix; None for Levenberg-Marquardt with a statistical stopping rule.
+
+    Raises:
+        UsageError: unknown or repeated names, or coefficients that no record can separate.
+        ValueError: `x` and `ts` of different shapes, or an engine that cannot integrate this oscillator.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> def machine(stiffness, mu=0.01):
+        ...     law = fj.friction.Coulomb(mu=mu)
+        ...     return fj.Oscillator(mass=0.1, stiffness=stiffness, damping=0.05, normal_force=10.0, friction=law)
+        >>> ts = np.linspace(0.0, 0.3, 601)
+        >>> x = fj.simulate(machine(1000.0), 2e-3, ts).x
+        >>> def mu(stiffness):
+        ...     return fj.estimate(x, ts, machine(stiffness, 0.0101), ["mu", "damping", "mass"]).values["mu"]
+        >>> value, slope = jax.value_and_grad(mu)(1000.0)
+        >>> print(f"mu = {value:.6f}, d(mu)/d(stiffness) = {slope:.3e} m/N")
+        mu = 0.010000, d(mu)/d(stiffness) = 1.000e-05 m/N
+    """
+    ready()
+    x, ts = jnp.asarray(x, float), jnp.asarray(ts, float)
+    if x.ndim != 1 or x.shape != ts.shape:
+        raise ValueError(
+            f"x and ts must have one entry for each sample, got the shapes {x.shape} and {ts.shape}. For several "
+            "records use jax.vmap."
+        )
+    coefficients = leaves_of(oscillator)
+    free = [find_leaf(name, coefficients) for name in names]
+    check_names(dict.fromkeys(nuisance), _NUISANCES, "Parameters of a record")
+    labels = (*(leaf.name for leaf in free), *nuisance)
+    if len(set(labels)) < len(labels) or not free:
+        raise UsageError(f"Name at least one free coefficient, and each one once, got {list(labels)}.")
+    check_identifiable([leaf.name for leaf in free], coefficients)
+
+    leaves, structure = jax.tree.flatten(oscillator)
+    places = [leaf.index for leaf in free]
+    start = x[0] if x0 is None else jnp.asarray(x0, float)
+    duration = None if isinstance(ts, Tracer) else float(ts[-1])
+    capacity = half_cycle_capacity(oscillator, duration, start, 0.0)
+    # A coefficient on the device counts as present for the choice of the engine, even if its value is zero.
+    varied = [jnp.asarray(leaf) if i in places else leaf for i, leaf in enumerate(leaves)]
+    chosen = select_engine(engine, jax.tree.unflatten(structure, varied), max_half_cycles=capacity)
+    count = None if half_cycles is None else jnp.asarray(half_cycles)
+
+    used = jnp.ones(x.shape, bool) if mask is None else jnp.asarray(mask, bool)
+    # A masked sample may hold any value, also NaN.
+    x = jnp.where(used, x, 0.0)
+    weights = jnp.where(used, 1 / jnp.asarray(sigma, float), 0.0)
+    of_record = {"x0": start, "v0": jnp.zeros(()), "offset": jnp.zeros(())}
+    first = jax.lax.stop_gradient(
+        jnp.stack([*(jnp.asarray(leaves[i], float) for i in places), *(of_record[name] for name in nuisance)])
+    )
+    frequency = oscillator.angular_frequency
+    natural = {"x0": jnp.abs(start), "v0": jnp.abs(start) * frequency, "offset": jnp.abs(start)}
+    sizes = [*(jnp.where(leaves[i] == 0, 1.0, jnp.abs(leaves[i])) for i in places), *(natural[n] for n in nuisance)]
+    scale = jax.lax.stop_gradient(jnp.stack([jnp.asarray(size, float) for size in sizes]))
+
+    def residual(y: Array, args: tuple) -> Array:
+        x, ts, leaves, start, weights = args
+        parameters = y * scale
+        filled = list(leaves)
+        for i, value in zip(places, parameters, strict=False):
+            filled[i] = value
+        record = {"x0": start, "v0": jnp.zeros(()), "offset": jnp.zeros(())}
+        record |= dict(zip(nuisance, parameters[len(places) :], strict=True))
+        machine = jax.tree.unflatten(structure, filled)
+        motion = motion_of(chosen, machine, record["x0"], record["v0"], None, ts, None, count)
+        return (x - motion.x - record["offset"]) * weights
+
+    args = (x, ts, [jnp.asarray(leaf, float) for leaf in leaves], start, weights)
+    dof = jnp.sum(used) - first.size
+    rounding = jnp.sum((jnp.finfo(float).eps * weights * x) ** 2)
+    everywhere = jnp.full(first.shape, jnp.inf)
+    solution = optx.least_squares(
+        residual,
+        LevenbergMarquardt(tolerance=_TOLERANCE) if solver is None else solver,
+        first / scale,
+        args,
+        options={"lower": -everywhere, "upper": everywhere, "dof": dof, "floor": rounding},
+        adjoint=optx.ImplicitAdjoint(),
+        throw=False,
+    )
+    left, jacobian = residual_and_jacobian(lambda y: residual(y, args), solution.value)
+    covariance = jnp.linalg.inv(jacobian.T @ jacobian) * scale * scale[:, None]
+    chi2 = jnp.sum(left**2)
+    fits = chi2 <= dof + SURE * jnp.sqrt(2 * dof)
+    errors = jnp.sqrt(jnp.diag(covariance))
+    return Estimate(
+        values=dict(zip(labels, solution.value * scale, strict=True)),
+        std_errors=dict(zip(labels, errors, strict=True)),
+        covariance=covariance,
+        chi2=chi2,
+        converged=fits & (solution.result == optx.RESULTS.successful),
+        names=labels,
+    )
