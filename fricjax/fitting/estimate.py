@@ -11,7 +11,7 @@ import optimistix as optx
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Bool, Float
 
-from ..errors import UsageError
+from ..errors import UsageError, check_choice
 from ..estimation.levenberg_marquardt import LevenbergMarquardt
 from ..estimation.passes import residual_and_jacobian
 from ..oscillator.engines.base import AbstractEngine
@@ -20,7 +20,7 @@ from ..oscillator.select import half_cycle_capacity, select_engine
 from ..oscillator.session import ready
 from ..oscillator.simulate import motion_of
 from ..thresholds import SURE
-from .names import check_identifiable, check_names, find_leaf
+from .names import check_identifiable, find_leaf
 
 _NUISANCES = ("x0", "v0", "offset")
 # The derivatives hold at the optimum, so the last step is far below a standard error.
@@ -107,7 +107,8 @@ def estimate(
         )
     coefficients = leaves_of(oscillator)
     free = [find_leaf(name, coefficients) for name in names]
-    check_names(dict.fromkeys(nuisance), _NUISANCES, "Parameters of a record")
+    for name in nuisance:
+        check_choice("nuisance", name, _NUISANCES)
     labels = (*(leaf.name for leaf in free), *nuisance)
     if len(set(labels)) < len(labels) or not free:
         raise UsageError(f"Name at least one free coefficient, and each one once, got {list(labels)}.")
