@@ -28,8 +28,10 @@ from .energy_loss.force_map import friction_force_map
 from .energy_loss.half_cycles import half_cycle_friction
 from .fitting import (
     BatchFit,
+    Estimate,
     Fit,
     Multistart,
+    estimate,
     fit,
     fit_batch,
     fit_on_moving_floor,
@@ -51,6 +53,7 @@ __all__ = [
     "Archive",
     "BatchFit",
     "Comparison",
+    "Estimate",
     "Fit",
     "Measured",
     "Motion",
@@ -73,6 +76,7 @@ __all__ = [
     "energy",
     "energy_loss",
     "errors",
+    "estimate",
     "final_displacement",
     "fit",
     "fit_batch",

@@ -1,5 +1,6 @@
 from .batch import fit_batch
 from .batch_result import BatchFit
+from .estimate import Estimate, estimate
 from .fit import fit
 from .moving_floor import fit_on_moving_floor
 from .multistart import Multistart, multistart
@@ -7,9 +8,11 @@ from .result import Fit, FitError, load_fit
 
 __all__ = [
     "BatchFit",
+    "Estimate",
     "Fit",
     "FitError",
     "Multistart",
+    "estimate",
     "fit",
     "fit_batch",
     "fit_on_moving_floor",

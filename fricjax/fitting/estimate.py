@@ -6,10 +6,9 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 import optimistix as optx
 from jax.core import Tracer
-from jaxtyping import Array, ArrayLike, Bool, Float
+from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
 from ..errors import UsageError, check_choice
 from ..estimation.levenberg_marquardt import LevenbergMarquardt
@@ -87,6 +86,7 @@ def estimate(
 
     Examples:
         >>> import fricjax as fj
+        >>> import numpy as np
         >>> def machine(stiffness, mu=0.01):
         ...     law = fj.friction.Coulomb(mu=mu)
         ...     return fj.Oscillator(mass=0.1, stiffness=stiffness, damping=0.05, normal_force=10.0, friction=law)
@@ -115,7 +115,7 @@ def estimate(
     check_identifiable([leaf.name for leaf in free], coefficients)
 
     leaves, structure = jax.tree.flatten(oscillator)
-    places = [leaf.index for leaf in free]
+    places = tuple(leaf.index for leaf in free)
     start = x[0] if x0 is None else jnp.asarray(x0, float)
     duration = None if isinstance(ts, Tracer) else float(ts[-1])
     capacity = half_cycle_capacity(oscillator, duration, start, 0.0)
@@ -128,50 +128,82 @@ def estimate(
     # A masked sample may hold any value, also NaN.
     x = jnp.where(used, x, 0.0)
     weights = jnp.where(used, 1 / jnp.asarray(sigma, float), 0.0)
-    of_record = {"x0": start, "v0": jnp.zeros(()), "offset": jnp.zeros(())}
-    first = jax.lax.stop_gradient(
-        jnp.stack([*(jnp.asarray(leaves[i], float) for i in places), *(of_record[name] for name in nuisance)])
+    values, covariance, chi2, converged = _optimum(
+        chosen,
+        solver or LevenbergMarquardt(tolerance=_TOLERANCE),
+        places,
+        tuple(nuisance),
+        structure,
+        (x, ts, [jnp.asarray(leaf, float) for leaf in leaves], start, weights, count),
+        jnp.sum(used),
     )
-    frequency = oscillator.angular_frequency
-    natural = {"x0": jnp.abs(start), "v0": jnp.abs(start) * frequency, "offset": jnp.abs(start)}
-    sizes = [*(jnp.where(leaves[i] == 0, 1.0, jnp.abs(leaves[i])) for i in places), *(natural[n] for n in nuisance)]
-    scale = jax.lax.stop_gradient(jnp.stack([jnp.asarray(size, float) for size in sizes]))
+    return Estimate(
+        values=dict(zip(labels, values, strict=True)),
+        std_errors=dict(zip(labels, jnp.sqrt(jnp.diag(covariance)), strict=True)),
+        covariance=covariance,
+        chi2=chi2,
+        converged=converged,
+        names=labels,
+    )
+
+
+@eqx.filter_jit
+def _optimum(
+    engine: AbstractEngine,
+    solver: optx.AbstractLeastSquaresSolver,
+    places: tuple[int, ...],
+    nuisance: tuple[str, ...],
+    structure: Any,
+    args: tuple,
+    used: Int[Array, ""],
+) -> tuple[Array, Array, Array, Array]:
+    """Solve the least-squares problem.
+
+    Args:
+        engine: engine of the motion.
+        solver: least-squares solver.
+        places: indices of the free leaves of the oscillator.
+        nuisance: free parameters of the record.
+        structure: pytree structure of the oscillator.
+        args: record, times, leaves of the oscillator, displacement at time zero, weights, and number of half-cycles.
+        used: number of samples with a weight.
+
+    Returns:
+        Estimates, covariance, chi2, and whether the optimum describes the record.
+    """
+    x, _, leaves, start, weights, _ = args
+    frequency = jax.tree.unflatten(structure, leaves).angular_frequency
+    starts = {"x0": start, "v0": jnp.zeros(()), "offset": jnp.zeros(())}
+    sizes = {"x0": jnp.abs(start), "v0": jnp.abs(start) * frequency, "offset": jnp.abs(start)}
+    first = [*(leaves[i] for i in places), *(starts[name] for name in nuisance)]
+    scale = [*(jnp.where(leaf == 0, 1.0, jnp.abs(leaf)) for leaf in first[: len(places)]), *map(sizes.get, nuisance)]
+    # The optimum does not depend on the start of the search or on the units.
+    first, scale = (jax.lax.stop_gradient(jnp.stack(each)) for each in (first, scale))
 
     def residual(y: Array, args: tuple) -> Array:
-        x, ts, leaves, start, weights = args
-        parameters = y * scale
-        filled = list(leaves)
-        for i, value in zip(places, parameters, strict=False):
-            filled[i] = value
-        record = {"x0": start, "v0": jnp.zeros(()), "offset": jnp.zeros(())}
-        record |= dict(zip(nuisance, parameters[len(places) :], strict=True))
-        machine = jax.tree.unflatten(structure, filled)
-        motion = motion_of(chosen, machine, record["x0"], record["v0"], None, ts, None, count)
+        x, ts, leaves, start, weights, half_cycles = args
+        leaves = list(leaves)
+        for i, value in zip(places, y * scale, strict=False):
+            leaves[i] = value
+        record = starts | {"x0": start} | dict(zip(nuisance, (y * scale)[len(places) :], strict=True))
+        machine = jax.tree.unflatten(structure, leaves)
+        motion = motion_of(engine, machine, record["x0"], record["v0"], None, ts, None, half_cycles)
         return (x - motion.x - record["offset"]) * weights
 
-    args = (x, ts, [jnp.asarray(leaf, float) for leaf in leaves], start, weights)
-    dof = jnp.sum(used) - first.size
+    dof = used - first.size
+    unbounded = jnp.full(first.shape, jnp.inf)
     rounding = jnp.sum((jnp.finfo(float).eps * weights * x) ** 2)
-    everywhere = jnp.full(first.shape, jnp.inf)
     solution = optx.least_squares(
         residual,
-        LevenbergMarquardt(tolerance=_TOLERANCE) if solver is None else solver,
+        solver,
         first / scale,
         args,
-        options={"lower": -everywhere, "upper": everywhere, "dof": dof, "floor": rounding},
+        options={"lower": -unbounded, "upper": unbounded, "dof": dof, "floor": rounding},
         adjoint=optx.ImplicitAdjoint(),
         throw=False,
     )
     left, jacobian = residual_and_jacobian(lambda y: residual(y, args), solution.value)
     covariance = jnp.linalg.inv(jacobian.T @ jacobian) * scale * scale[:, None]
     chi2 = jnp.sum(left**2)
-    fits = chi2 <= dof + SURE * jnp.sqrt(2 * dof)
-    errors = jnp.sqrt(jnp.diag(covariance))
-    return Estimate(
-        values=dict(zip(labels, solution.value * scale, strict=True)),
-        std_errors=dict(zip(labels, errors, strict=True)),
-        covariance=covariance,
-        chi2=chi2,
-        converged=fits & (solution.result == optx.RESULTS.successful),
-        names=labels,
-    )
+    describes = chi2 <= dof + SURE * jnp.sqrt(2 * dof)
+    return solution.value * scale, covariance, chi2, describes & (solution.result == optx.RESULTS.successful)

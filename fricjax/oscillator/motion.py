@@ -55,6 +55,7 @@ class Motion(eqx.Module, Reported):
         engine: name of the engine.
         result: outcome; its text states cause and remedy.
         stats: counts of the integrator.
+        error: estimate of the largest numerical error of the displacement [m]; None if not requested.
 
     Examples:
         >>> import numpy as np
@@ -80,6 +81,7 @@ class Motion(eqx.Module, Reported):
     engine: str = eqx.field(static=True)
     result: Any
     stats: dict[str, Any]
+    error: Float[Array, ""] | None = None
 
     def report(self) -> Report:
         """Summarise turning points, stop and engine; a batch reports its shape."""
@@ -99,6 +101,8 @@ class Motion(eqx.Module, Reported):
             ("stop", f"at {stop:.6g} s" if np.isfinite(stop) else "none until the last sample"),
             ("engine", self.engine),
         ]
+        if self.error is not None:
+            facts.append(("numerical error", engineering(float(self.error), "m")))
         data = {name: np.asarray(getattr(self, name)) for name in (*_SAMPLED, "t_stop", "n_half_cycles")}
         return Report([], facts, heading="Motion", data=data | {"turning_points": points, "engine": self.engine})
 

@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 import math
+import warnings
 from typing import Any
 
 import equinox as eqx
@@ -38,10 +39,12 @@ def simulate(
     accuracy: float = 1e-10,
     base_acceleration: ArrayLike | None = None,
     release: AbstractRelease | None = None,
+    error: bool = False,
 ) -> Motion:
     """Simulate an oscillator that starts at `x0` at time zero.
 
-    All numeric arguments and all coefficients of the oscillator support differentiation in both modes, to any order, and vmap.
+    All numeric arguments and all coefficients of the oscillator support `jax.vmap` and derivatives of any order in
+    forward and reverse mode.
 
     Args:
         oscillator: the oscillator with its friction law.
@@ -56,6 +59,8 @@ def simulate(
         accuracy: target for the largest numerical error of the displacement [m].
         base_acceleration: floor acceleration at `ts` [m/s^2], interpolated linearly, shape (samples,).
         release: decay law of the holding force.
+        error: estimate the numerical error of the displacement from a second, finer integration. A warning states the
+            error if it exceeds `accuracy`; under transformations of JAX only the field `error` of the motion states it.
 
     Returns:
         The motion; its `result` states whether the integration succeeded.
@@ -92,15 +97,23 @@ def simulate(
         )
     state = None if state0 is None else _floats(state0)
     limit = _limit_engine(oscillator, capacity)
+    finer = chosen.finer() if error else None
     if driven:
         padded, drive = _padded(times, base_acceleration, release)
     elif _is_traced((oscillator, x, v, state, times)):
         # Under an outer transformation the caller compiles for the given times, so padding is useless.
-        return _solve(chosen, limit, oscillator, x, v, state, times, None)
+        return _solve(chosen, limit, finer, oscillator, x, v, state, times, None)
     else:
         padded, drive = _pad(times, _padding(times, _SIZES)), None
-    args = (chosen, limit, oscillator, x, v, state, padded, drive)
+    args = (chosen, limit, finer, oscillator, x, v, state, padded, drive)
     motion = _solve(*args) if _is_traced(args) else Motion(engine=chosen.name, **_kept(*jax.tree.map(np.asarray, args)))
+    size = None if motion.error is None else concrete(motion.error)
+    if isinstance(engine, str) and size is not None and size > accuracy:
+        warnings.warn(
+            f"The displacement may be off by {size:.1e} m, more than accuracy={accuracy:.1e} m. Request a smaller value, "
+            "or another engine.",
+            stacklevel=3,
+        )
     if padded.size == times.size:
         return motion
     samples = {name: getattr(motion, name) for name in ("t", "x", "v", "friction_force", "at_rest")}
@@ -214,6 +227,7 @@ def _times(ts: ArrayLike) -> Any:
 def _solved(
     engine: AbstractEngine,
     limit: AbstractEngine | None,
+    finer: AbstractEngine | None,
     oscillator: Oscillator,
     x0: Array,
     v0: Array,
@@ -222,6 +236,10 @@ def _solved(
     drive: Drive | None,
 ) -> Motion:
     motion = motion_of(engine, oscillator, x0, v0, state0, ts, drive)
+    if finer is not None:
+        rounding = jnp.finfo(float).eps * (1 + oscillator.angular_frequency * jnp.abs(ts[-1]))
+        distance = jnp.abs(motion_of(finer, oscillator, x0, v0, state0, ts, drive).x - motion.x)
+        motion = dataclasses.replace(motion, error=jnp.max(distance) + rounding * jnp.max(jnp.abs(motion.x)))
     if limit is None:
         return motion
     bias = jnp.asarray(jnp.nan)
@@ -260,9 +278,9 @@ def motion_of(
         )
 
     numbers = engine, oscillator, x0, v0, state0, drive, half_cycles
-    (x, v, force), (t_stop, turning_points, bias), discrete = transposable(
-        outputs, one_by_one=not engine.vectorises
-    )(numbers, ts)
+    (x, v, force), (t_stop, turning_points, bias), discrete = transposable(outputs, one_by_one=not engine.vectorises)(
+        numbers, ts
+    )
     at_rest, n_half_cycles, result, stats = discrete
     return Motion(ts, x, v, force, at_rest, t_stop, turning_points, n_half_cycles, bias, engine.name, result, stats)
 
@@ -276,10 +294,14 @@ def _fields(engine: AbstractEngine, *args: Any) -> dict[str, Any]:
     return {name: getattr(motion, name) for name in _NAMES}
 
 
-def _like(engine: AbstractEngine, *_: Any) -> dict[str, Any]:
+def _like(engine: AbstractEngine, limit: Any, finer: Any, *_: Any) -> dict[str, Any]:
     from .outcome import RESULTS
 
-    return dict.fromkeys(_NAMES, 0) | {"result": RESULTS.successful, "stats": dict.fromkeys(engine.counted, 0)}
+    return (
+        dict.fromkeys(_NAMES, 0)
+        | {"result": RESULTS.successful, "stats": dict.fromkeys(engine.counted, 0)}
+        | ({"error": None} if finer is None else {})
+    )
 
 
 _NAMES = [each.name for each in dataclasses.fields(Motion) if each.name != "engine"]

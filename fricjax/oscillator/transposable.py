@@ -1,7 +1,7 @@
 """Derivatives in both modes for functions with loops.
 
-JAX cannot transpose a loop of unknown length. A motion, however, depends on about a dozen numbers, so its whole Jacobian
-is cheap in forward mode. The derivative rule computes this Jacobian and multiplies it by the tangents. A product with a
+JAX cannot transpose a loop of unknown length. A motion, however, depends on about a dozen numbers, so its Jacobian is
+cheap in forward mode. The derivative rule computes this Jacobian and multiplies it by the tangents. A product with a
 matrix can be transposed, so reverse mode works too. The rule applies to the Jacobian as well, so derivatives of any
 order exist.
 """
@@ -22,7 +22,7 @@ class Outputs(NamedTuple):
     """Results of a transposable function.
 
     Attributes:
-        sampled: arrays of floats whose last axis runs over the samples; each entry depends on its own time only.
+        sampled: arrays of floats. The last axis runs over the samples, and each entry depends on its own time only.
         single: arrays of floats that do not depend on the times of the samples.
         discrete: pytree of counts, flags and statistics; their derivatives are zero.
     """
@@ -114,12 +114,13 @@ def _with_jacobian(function: Callable, active: tuple[int, ...], moved: bool) -> 
             outputs = function(jax.tree.unflatten(structure, filled), place[-1] if moved else ts)
             return (outputs.sampled, outputs.single), outputs.discrete
 
-        def column(direction: list[Array]) -> tuple:
+        def column(direction: Any) -> tuple:
             return jax.jvp(at, (place,), (direction,), has_aux=True)
 
         values, slopes, discrete = jax.vmap(column, out_axes=(None, 0, None))(directions)
         sampled, single = (
-            tuple(each for pair in zip(*both, strict=True) for each in pair) for both in zip(values, slopes, strict=True)
+            tuple(each for pair in zip(*both, strict=True) for each in pair)
+            for both in zip(values, slopes, strict=True)
         )
         return Outputs(sampled, single, discrete)
 

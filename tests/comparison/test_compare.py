@@ -46,6 +46,7 @@ def single():
     return compare(RUNS[0], MACHINES, FREE, names=NAMES)
 
 
+@pytest.mark.slow
 def test_the_simplest_right_law_comes_first(joint, single):
     assert single.ranking == ("known", "free", "wrong")
     assert joint.ranking == ("known", "wrong")

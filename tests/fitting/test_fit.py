@@ -320,6 +320,7 @@ class TestSums:
 
 
 class TestSeveralRuns:
+    @pytest.mark.slow
     def test_two_runs_share_the_machine(self, plain):
         runs = [coulomb_run(), Record(coulomb_run(2.5e-3, seed=5, offset=3e-4))]
         found = fit(runs, machine(), MACHINE)

@@ -43,6 +43,7 @@ def test_half_cycles_and_stop_are_those_of_the_motion(law):
     np.testing.assert_allclose(reversals, rigid.turning_points[: HALF_CYCLES + 1], rtol=0, atol=8e-5)
 
 
+@pytest.mark.slow
 def test_reversals_and_stop_against_scipy():
     """Compare with roots of the velocity from SciPy's dense solution."""
     sigma = (1e5, 2 * np.sqrt(1e5 * M), 0.0)
