@@ -87,16 +87,13 @@ def estimate(
     Examples:
         >>> import fricjax as fj
         >>> import numpy as np
-        >>> def machine(stiffness, mu=0.01):
-        ...     law = fj.friction.Coulomb(mu=mu)
-        ...     return fj.Oscillator(mass=0.1, stiffness=stiffness, damping=0.05, normal_force=10.0, friction=law)
+        >>> machine = fj.Oscillator(0.1, 1000.0, damping=0.05, normal_force=10.0, friction=fj.friction.Coulomb(0.01))
         >>> ts = np.linspace(0.0, 0.3, 601)
-        >>> x = fj.simulate(machine(1000.0), 2e-3, ts).x
-        >>> def mu(stiffness):
-        ...     return fj.estimate(x, ts, machine(stiffness, 0.0101), ["mu", "damping", "mass"]).values["mu"]
-        >>> value, slope = jax.value_and_grad(mu)(1000.0)
-        >>> print(f"mu = {value:.6f}, d(mu)/d(stiffness) = {slope:.3e} m/N")
-        mu = 0.010000, d(mu)/d(stiffness) = 1.000e-05 m/N
+        >>> records = jax.vmap(lambda x0: fj.simulate(machine, x0, ts).x)(jnp.asarray([2e-3, 3e-3]))
+        >>> guess = fj.Oscillator(0.1, 1000.0, damping=0.06, normal_force=10.0, friction=fj.friction.Coulomb(0.0105))
+        >>> found = jax.vmap(lambda x: fj.estimate(x, ts, guess, ["mu", "damping"], sigma=1e-9))(records)
+        >>> found.values["mu"].round(6).tolist(), found.converged.tolist()
+        ([0.01, 0.01], [True, True])
     """
     ready()
     x, ts = jnp.asarray(x, float), jnp.asarray(ts, float)

@@ -110,8 +110,8 @@ def simulate(
     size = None if motion.error is None else concrete(motion.error)
     if isinstance(engine, str) and size is not None and size > accuracy:
         warnings.warn(
-            f"The displacement may be off by {size:.1e} m, more than accuracy={accuracy:.1e} m. Request a smaller value, "
-            "or another engine.",
+            f"The displacement may be off by {size:.1e} m, more than accuracy={accuracy:.1e} m. Request a smaller "
+            "value, or another engine.",
             stacklevel=3,
         )
     if padded.size == times.size:
