@@ -65,6 +65,20 @@ axes[1, 0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, fontsize
 drawing
 
 # %% [markdown]
+# Reverse mode works too. `jax.grad` gives all derivatives of one number, such as the final displacement. `jax.vmap`
+# takes many releases at once:
+
+
+# %%
+def rest(mu, x0):
+    return fj.final_displacement(dataclasses.replace(machine, friction=fj.friction.Coulomb(mu)), x0)
+
+
+releases = jnp.array([1.5e-3, 2.0e-3, 2.6e-3])
+for x0, slope in zip(releases, jax.vmap(jax.grad(rest), (None, 0))(0.05, releases), strict=True):
+    print(f"released from {1e3 * x0:.1f} mm: 1 % more friction moves the rest by {1e6 * slope * 5e-4:+.1f} um")
+
+# %% [markdown]
 # Stiffness shifts the phase, so its derivative is a quarter of a period out of phase with the others. Friction and
 # damping both reduce the amplitude, and their derivatives look alike. They differ because friction stops the mass.
 #
@@ -81,7 +95,30 @@ for name, value, std in zip(names, values, jnp.sqrt(jnp.diag(covariance)), stric
     print(f"{name:<10} {fj.show.uncertain(float(value), float(std))}")
 
 # %% [markdown]
-# `fj.sensitivity.fisher` computes the same and adds the details. It scales the parameters, includes the nuisance
+# ## Derivatives of an estimate
+#
+# `fj.estimate` is the least-squares fit as a pure function: arrays in, arrays out. `jax.jit`, `jax.vmap` and `jax.grad`
+# accept it. Its derivative with respect to a fixed coefficient answers a question about the result: by how much does
+# $\mu$ change if the stiffness was wrong? The natural frequency comes from the record, so the mass is free here, and
+# $\mu = k x_d/N$ is proportional to the stiffness $k$:
+
+# %%
+record = displacement(values) + noise * np.random.default_rng(0).standard_normal(ts.size)
+
+
+@jax.jit
+def estimated_mu(stiffness):
+    fixed = dataclasses.replace(machine, stiffness=stiffness)
+    return fj.estimate(record, ts, fixed, ["mu", "damping", "mass"], sigma=noise).values["mu"]
+
+
+mu, by_stiffness = jax.value_and_grad(estimated_mu)(2574.0)
+print(f"mu = {mu:.6f}, and 1 % more stiffness changes it by {100 * by_stiffness * 25.74 / mu:.4f} %")
+
+# %% [markdown]
+# ## Before the measurement
+#
+# `fj.sensitivity.fisher` computes the standard errors of a planned run and adds the details. It scales the parameters, includes the nuisance
 # parameters of a run, describes undetermined directions in words, and gives advice.
 
 # %%
