@@ -118,7 +118,7 @@ print(f"mu = {mu:.6f}, and 1 % more stiffness changes it by {100 * by_stiffness 
 # %% [markdown]
 # ## Before the measurement
 #
-# `fj.sensitivity.fisher` computes the standard errors of a planned run and adds the details. It scales the parameters, includes the nuisance
+# `fj.sensitivity.fisher` computes the standard errors of a planned run. It scales the parameters, includes the nuisance
 # parameters of a run, describes undetermined directions in words, and gives advice.
 
 # %%

@@ -1,4 +1,4 @@
-"""Compare the cost of derivatives in both modes, and time batches of estimates.
+"""Time derivatives in both modes, and batches of estimates.
 
 The first table gives the CPU seconds of the first derivative of a motion, each in a fresh process without stored
 programs. The second gives those of 1,000 releases: `vmap(grad)` against a loop over `jacfwd`, both compiled. The third
@@ -59,7 +59,7 @@ def first(law: str, mode: str) -> float:
 
 
 def batches(law: str) -> tuple[float, float]:
-    """Return the CPU seconds of 1,000 derivatives by `vmap(grad)` and by a loop over `jacfwd`."""
+    """Return the CPU seconds of 1,000 derivatives, batched and looped."""
     releases = jnp.linspace(1e-3, 3e-3, 1000)
     batched = jax.jit(jax.vmap(lambda x0: jax.grad(work(law, x0))(0.05)))
     looped = jax.jit(lambda releases: jax.lax.map(lambda x0: jax.jacfwd(work(law, x0))(0.05), releases))

@@ -66,10 +66,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for i, each in enumerate(chosen):
         errors, stated = [], []
         for _ in range(options.machines * (i + 1) // len(chosen) - options.machines * i // len(chosen)):
-            machine, x0 = (
-                drawn(each.friction, each.run.load, random),
-                2e-3 * np.exp(random.uniform(-_MACHINE, _MACHINE)),
-            )
+            machine = drawn(each.friction, each.run.load, random)
+            x0 = 2e-3 * np.exp(random.uniform(-_MACHINE, _MACHINE))
             motion = fj.simulate(machine, x0, ts, accuracy=ACCURACY, error=True)
             fine = fj.simulate(machine, x0, ts, engine=reference(machine))
             errors.append(float(np.max(np.abs(motion.x - fine.x))))

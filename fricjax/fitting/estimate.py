@@ -36,6 +36,11 @@ class Estimate(eqx.Module):
         chi2: sum of the squared residuals over their variances.
         converged: whether the solver converged and chi2 is consistent with `sigma`.
         names: names of the estimates in the order of the covariance.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> issubclass(fj.Estimate, eqx.Module)
+        True
     """
 
     values: dict[str, Array]

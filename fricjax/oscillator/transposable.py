@@ -39,8 +39,8 @@ def transposable[Numbers](
 
     Args:
         function: function of a pytree of numbers and of the times of the samples.
-        one_by_one: whether `jax.vmap` computes its lanes one after the other on a CPU. This is faster if the lanes
-            take loops of different lengths.
+        one_by_one: whether `jax.vmap` computes its calls one after the other on a CPU. This is faster if their
+            loops have different lengths.
 
     Examples:
         >>> def root(numbers, ts):
@@ -52,11 +52,11 @@ def transposable[Numbers](
         >>> print(f"{value:.6f} {slope:.6f}")
         2.000000 0.250000
     """
-    lanes = sequential_vmap(function) if one_by_one and jax.default_backend() == "cpu" else function
+    mapped = sequential_vmap(function) if one_by_one and jax.default_backend() == "cpu" else function
 
     @jax.custom_jvp
     def wrapped(numbers: Any, ts: Array) -> Outputs:
-        return lanes(numbers, ts)
+        return mapped(numbers, ts)
 
     @functools.partial(wrapped.defjvp, symbolic_zeros=True)
     def rule(primals: tuple, tangents: tuple) -> tuple[Outputs, Outputs]:
