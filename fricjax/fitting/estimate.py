@@ -6,6 +6,7 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 import optimistix as optx
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Bool, Float, Int
@@ -119,7 +120,8 @@ def estimate(
     leaves, structure = jax.tree.flatten(oscillator)
     places = tuple(leaf.index for leaf in free)
     start = x[0] if x0 is None else jnp.asarray(x0, float)
-    duration = None if isinstance(ts, Tracer) else float(ts[-1])
+    # Under jax.jit even an element of a constant array on the device is traced.
+    duration = None if isinstance(ts, Tracer) else float(np.asarray(ts)[-1])
     capacity = half_cycle_capacity(oscillator, duration, start, 0.0)
     # A coefficient on the device counts as present for the choice of the engine, even if its value is zero.
     varied = [jnp.asarray(leaf) if i in places else leaf for i, leaf in enumerate(leaves)]

@@ -27,7 +27,8 @@ def start(stiffness=TRUTH.stiffness):
 
 @jax.jit
 def estimated(x):
-    return fj.estimate(x, TS, start(), NAMES, half_cycles=HALF_CYCLES, sigma=SIGMA)
+    # Times on the device are constants here, and jax.jit traces each operation on them.
+    return fj.estimate(x, jnp.asarray(TS), start(), NAMES, half_cycles=HALF_CYCLES, sigma=SIGMA)
 
 
 @jax.jit
