@@ -20,7 +20,7 @@ from ..oscillator.select import half_cycle_capacity, select_engine
 from ..oscillator.session import ready
 from ..oscillator.simulate import motion_of
 from ..thresholds import SURE
-from .names import check_identifiable, find_leaf
+from .names import chosen
 
 _NUISANCES = ("x0", "v0", "offset")
 # The derivatives hold at the optimum, so the last step is far below a standard error.
@@ -109,13 +109,12 @@ def estimate(
             "records use jax.vmap."
         )
     coefficients = leaves_of(oscillator)
-    free = [find_leaf(name, coefficients) for name in names]
+    free, _ = chosen(names, coefficients, bracketable=False)
     for name in nuisance:
         check_choice("nuisance", name, _NUISANCES)
     labels = (*(leaf.name for leaf in free), *nuisance)
-    if len(set(labels)) < len(labels) or not free:
-        raise UsageError(f"Name at least one free coefficient, and each one once, got {list(labels)}.")
-    check_identifiable([leaf.name for leaf in free], coefficients)
+    if len(set(labels)) < len(labels):
+        raise UsageError(f"A parameter is named twice in nuisance={list(nuisance)}.")
 
     leaves, structure = jax.tree.flatten(oscillator)
     places = tuple(leaf.index for leaf in free)
@@ -125,7 +124,7 @@ def estimate(
     capacity = half_cycle_capacity(oscillator, duration, start, 0.0)
     # A coefficient on the device counts as present for the choice of the engine, even if its value is zero.
     varied = [jnp.asarray(leaf) if i in places else leaf for i, leaf in enumerate(leaves)]
-    chosen = select_engine(engine, jax.tree.unflatten(structure, varied), max_half_cycles=capacity)
+    method = select_engine(engine, jax.tree.unflatten(structure, varied), max_half_cycles=capacity)
     count = None if half_cycles is None else jnp.asarray(half_cycles)
 
     used = jnp.ones(x.shape, bool) if mask is None else jnp.asarray(mask, bool)
@@ -133,7 +132,7 @@ def estimate(
     x = jnp.where(used, x, 0.0)
     weights = jnp.where(used, 1 / jnp.asarray(sigma, float), 0.0)
     values, covariance, chi2, converged = _optimum(
-        chosen,
+        method,
         solver or LevenbergMarquardt(tolerance=_TOLERANCE),
         places,
         tuple(nuisance),

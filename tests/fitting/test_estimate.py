@@ -103,7 +103,8 @@ def test_a_solver_of_optimistix_finds_the_same():
     [
         (["mux"], {}, "no coefficient 'mux'"),
         ([], {}, "at least one"),
-        (["mu", "mu"], {}, "each one once"),
+        (["mu", "mu"], {}, "named twice in free"),
+        (["mu"], {"nuisance": ["x0", "x0"]}, "named twice in nuisance"),
         (["mu", "normal_force"], {}, "product"),
         (["mu"], {"nuisance": ["drift"]}, "nuisance"),
     ],
