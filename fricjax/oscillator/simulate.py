@@ -297,11 +297,9 @@ def _fields(engine: AbstractEngine, *args: Any) -> dict[str, Any]:
 def _like(engine: AbstractEngine, limit: Any, finer: Any, *_: Any) -> dict[str, Any]:
     from .outcome import RESULTS
 
-    return (
-        dict.fromkeys(_NAMES, 0)
-        | {"result": RESULTS.successful, "stats": dict.fromkeys(engine.counted, 0)}
-        | ({"error": None} if finer is None else {})
-    )
+    error = None if finer is None else 0
+    known = {"result": RESULTS.successful, "stats": dict.fromkeys(engine.counted, 0), "error": error}
+    return dict.fromkeys(_NAMES, 0) | known
 
 
 _NAMES = [each.name for each in dataclasses.fields(Motion) if each.name != "engine"]
