@@ -76,9 +76,7 @@ def _made(name: str, accuracy: float, max_half_cycles: int, divisor: int) -> Abs
         return smooth
     import diffrax
 
-    # diffrax takes the tolerance of the stages from a controller only if the solver is not wrapped.
-    kvaerno = diffrax.Kvaerno5(scan_kind="lax", root_finder=diffrax.VeryChord(rtol=1e-10, atol=1e-12))
-    return dataclasses.replace(smooth, method=kvaerno)
+    return dataclasses.replace(smooth, method=diffrax.Kvaerno5())
 
 
 def nodes_for(accuracy: float) -> int:
