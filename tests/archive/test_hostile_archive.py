@@ -18,6 +18,8 @@ from fricjax.archive.archive import write_csv
 from fricjax.archive.execute import in_this_process
 from tests.cli.conftest import call
 
+pytestmark = pytest.mark.slow
+
 MACHINE = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.Coulomb(0.05))
 HTML, FORMULA, ESCAPE = "<img src=x onerror=alert(1)>", "=HYPERLINK('http://a.b','c')", "\x1b[2Jcleared"
 SECRET = "-----BEGIN PRIVATE KEY-----\n"
@@ -90,7 +92,6 @@ def listed(place):
     }
 
 
-@pytest.mark.slow
 def test_every_hostile_file_has_its_row_with_its_reason(archive, hostile):
     table = archive.to_dataframe()
     found = dict(iter(table.groupby("file")))

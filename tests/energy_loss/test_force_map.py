@@ -15,6 +15,8 @@ from fricjax.rig import Rig
 from tests.energy_loss.runs import LOAD, OFFSET, RIG, campaign, run
 from tests.oracles import coulomb_viscous
 
+pytestmark = pytest.mark.slow
+
 STRIBECK = Stribeck(0.05, 0.065, 5e-3)
 
 
@@ -27,7 +29,6 @@ def truth(found, static=0.05):
     return np.sign(found.velocity) * LOAD * (0.05 + (static - 0.05) * np.exp(-((found.velocity / 5e-3) ** 2)))
 
 
-@pytest.mark.slow
 def test_a_stribeck_curve_lies_within_its_uncertainties():
     found = stribeck_map()
     deviation = (found.force - truth(found, 0.065)) / found.std
@@ -36,7 +37,6 @@ def test_a_stribeck_curve_lies_within_its_uncertainties():
     assert np.min(np.abs(found.velocity)) < 1.2e-3
 
 
-@pytest.mark.slow
 def test_the_curve_is_sharp_at_the_stribeck_velocity():
     found = stribeck_map()
     near = np.abs(np.abs(found.velocity) - 5e-3) < 1e-3
@@ -44,7 +44,6 @@ def test_the_curve_is_sharp_at_the_stribeck_velocity():
     assert np.all(found.std[near] < 0.05 * np.abs(found.force[near]))
 
 
-@pytest.mark.slow
 def test_runs_without_two_half_cycles_are_left_out_and_named():
     notes = stribeck_map().notes
     assert [note.split(":")[0] for note in notes] == [f"Left out run {i} (synthetic run)" for i in range(3)]
@@ -65,7 +64,6 @@ def test_the_mean_over_a_campaign_is_the_coefficient():
     assert np.mean(np.abs(deviation) < 2) >= 0.9
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("noise", [1e-9, 1e-8])
 def test_the_standard_deviations_are_those_of_repeated_runs(noise):
     edges = [0, 2e-3, 5e-3, 1e-2, 5e-2, 0.1]
@@ -83,7 +81,6 @@ def test_a_difference_between_the_directions_goes_into_the_offset_unless_it_is_g
     assert np.all(known.std < 0.01 * pull)
 
 
-@pytest.mark.slow
 def test_known_losses_are_subtracted():
     rig = RIG.replace(damping=0.3, drag=0.5)
     record = run(Coulomb(0.05), 2e-3, rig=rig)
@@ -121,7 +118,6 @@ def test_no_window_reaches_over_a_reversal():
         assert smooth(half_cycle, 1e-3).a == pytest.approx(accelerations, abs=2e-3)
 
 
-@pytest.mark.slow
 def test_dense_samples_are_averaged_in_blocks():
     sparse, dense = (friction_force_map(run(Coulomb(0.05), 2e-3, rate=rate), RIG) for rate in (50e3, 400e3))
     assert dense.mu.value == pytest.approx(0.05, rel=1e-5)

@@ -36,6 +36,7 @@ def with_fixed_stiffness(stiffness):
     return fj.estimate(X, TS, start(stiffness), ["mu", "damping", "mass"], sigma=SIGMA).values["mu"]
 
 
+@pytest.mark.slow
 def test_it_is_the_fit_under_white_noise():
     found, fit = estimated(X), fj.fit(fj.Trace(TS, X), start(), NAMES, start="release", noise="white")
     assert bool(found.converged) and found.names == (*NAMES, "x0", "offset")

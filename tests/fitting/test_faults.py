@@ -21,6 +21,8 @@ from fricjax.friction.coefficient import MU
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 from tests.machines import MACHINE, RIGS, STIFFNESS, coulomb_run, noisy, oscillator
 
+pytestmark = pytest.mark.slow
+
 RUN = coulomb_run()
 START = {"mu": 0.08}
 FAILS_AT_START = "not finite: the model fails at the start values. Check the law's coefficients and the engine."
@@ -124,21 +126,18 @@ def test_an_optimum_behind_a_wall_of_bounds_is_at_the_bound():
     assert found.values["mu"] == 0.06
 
 
-@pytest.mark.slow
 def test_the_hybrid_engine_at_a_start_without_half_cycles():
     machine = Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, 9.66, Coulomb(0.02) + Coulomb(0.03))
     free, tie = ("friction.0.mu", "damping", "stiffness"), {"friction.1.mu": ("friction.0.mu", 0.5)}
     assert_failed(fit(RUN, machine, free, tie=tie, guess={"damping": 1e5}, throw=False), FAILS_AT_START)
 
 
-@pytest.mark.slow
 def test_the_smooth_engine_at_a_start_that_grows_without_bound():
     run, machine = noisy("sliding", "LuGre", 0), oscillator(RIGS["sliding"], "LuGre")
     found = fit(run, machine, (*MACHINE, "sigma0"), guess={"damping": -1e7}, throw=False)
     assert_failed(found, FAILS_AT_START)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("value", [np.nan, np.inf, -2574.0])
 def test_a_start_value_that_cannot_be_is_refused(value):
     """Refuse a stiffness without a logarithm, which the fit uses."""

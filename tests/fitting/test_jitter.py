@@ -15,7 +15,8 @@ from fricjax.fitting.residual import Residual
 from fricjax.fitting.solve import solve
 from tests.fitting.problem_of import problem_of
 from tests.machines import MACHINE, RIGS, noisy, oscillator
-from tests.tiers import cases
+
+pytestmark = pytest.mark.slow
 
 ENGINES = {"Coulomb": "Exact", "Tanh": "Hybrid", "LuGre": "Smooth"}
 REACH, POINTS = 1e-4, 201
@@ -69,7 +70,7 @@ def scan(law: str, problem: Problem) -> Curves:
     return Curves(law, float(residual.values(y)[0]), relative, *map(np.asarray, found))
 
 
-@pytest.fixture(params=cases(ENGINES, ["Coulomb"]), scope="module")
+@pytest.fixture(params=ENGINES, scope="module")
 def curves(request) -> Curves:
     law = request.param
     free = (*MACHINE, "sigma0") if law == "LuGre" else MACHINE
@@ -87,7 +88,6 @@ def deviation(curves: Curves, degree: int) -> np.ndarray:
     return np.stack([Chebyshev.fit(u, chi2, degree)(u) - chi2 for chi2 in curves.chi2.T], axis=1)
 
 
-@pytest.mark.slow
 def test_the_scan_reaches_far_beyond_the_standard_error(curves):
     assert np.all(np.ptp(curves.chi2, axis=0) > 1e5)
 

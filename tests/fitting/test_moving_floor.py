@@ -9,6 +9,8 @@ from fricjax.fitting import fit_on_moving_floor
 from fricjax.oscillator import simulate
 from tests.machines import MACHINE, RIGS, oscillator
 
+pytestmark = pytest.mark.slow
+
 SLIDING = oscillator(RIGS["sliding"], "Coulomb")
 RATE, NOISE = 5e3, 1e-9
 

@@ -10,6 +10,8 @@ from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 from tests.machines import FREQUENCY, MACHINE, RIGS, STIFFNESS, X0, ZETA, coulomb_run, oscillator
 from tests.oracles import coulomb_viscous
 
+pytestmark = pytest.mark.slow
+
 MODEL = oscillator(RIGS["sliding"], "Coulomb")
 LOAD = RIGS["sliding"].load
 # Static and dynamic coefficients are separate parameters.
@@ -77,7 +79,6 @@ def test_per_unit_of_load_a_coefficient_may_have_any_size():
     assert found.values["mu"] > 10 and not remarks(found.warnings, "larger than")
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("by", ["quantity", "spring"])
 def test_degrees_taken_for_radians_are_remarked_on(by):
     """Fit a swing of 5 degrees to each side, read as radians."""
@@ -108,7 +109,6 @@ def disagreeing() -> tuple[list[Trace], float, float]:
     return [coulomb_run(2e-3, mu_s=0.125), coulomb_run(1.9e-3, mu_s=0.05, seed=1)], stop, moved_on
 
 
-@pytest.mark.slow
 def test_stops_that_disagree_on_static_friction_are_said_to(disagreeing, tmp_path):
     runs, stop, moved_on = disagreeing
     assert moved_on < stop
@@ -130,7 +130,6 @@ def test_also_where_the_static_coefficient_was_not_asked_for(disagreeing):
     assert "mu_s:        differs from stop to stop, over [" in found.summary()
 
 
-@pytest.mark.slow
 def test_stops_that_agree_are_not_remarked_on():
     found = fit(coulomb_run(mu_s=0.065), APART, ("mu", "mu_s", "damping", "stiffness"))
     assert not remarks(found.warnings, "static coefficient")

@@ -9,6 +9,8 @@ from fricjax.errors import DataError, UsageError
 from fricjax.fitting.population import population
 from tests.machines import RIGS, coulomb_run, oscillator
 
+pytestmark = pytest.mark.slow
+
 
 def runs(seed: int, n: int = 20, scatter: float = 1e-3) -> tuple[np.ndarray, np.ndarray]:
     random = np.random.default_rng(seed)
@@ -71,7 +73,6 @@ def test_a_batch_tells_its_population():
         batch.population("my")
 
 
-@pytest.mark.slow
 def test_a_clean_sample_hardly_ever_loses_a_run():
     """Count wrong outliers in 600 clean samples.
 
@@ -94,7 +95,6 @@ def test_runs_read_in_a_wrong_unit_are_set_aside_and_named():
     assert "over 180 runs" in str(found) and "outliers set aside: runs 3, 50, 77, 180" in str(found)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("n", [6, 12, 60])
 def test_intervals_cover_as_they_say_beside_outliers(n):
     """Displace a third of the runs, less one, to one side.
@@ -120,7 +120,6 @@ def test_few_runs_that_scatter_keep_all_of_them():
     assert found.outliers == () and found.runs == 4
 
 
-@pytest.mark.slow
 def test_runs_that_have_not_converged_are_left_out_unless_they_are_asked_for():
     """Fit four runs, two of them with a fringe slip in mid-stroke."""
     good = [coulomb_run(x0, seed=i) for i, x0 in enumerate((2e-3, 1.8e-3))]

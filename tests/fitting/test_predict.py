@@ -8,6 +8,8 @@ from fricjax.friction import Coulomb, Stribeck, Tanh
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 from tests.machines import MACHINE, RIGS, STIFFNESS, X0, coulomb_run, displacement, noisy, oscillator
 
+pytestmark = pytest.mark.slow
+
 LOAD = 9.66
 
 
@@ -38,7 +40,6 @@ def test_behind_the_end_of_a_rolling_run_the_mass_stops_where_the_law_stops_it(t
     assert load_fit(tmp_path / "fit.json").predict(later) == pytest.approx(found.predict(later), abs=1e-15)
 
 
-@pytest.mark.slow
 def test_times_may_come_in_any_order_and_from_both_sides_of_the_end():
     run, machine = noisy("rolling", "Coulomb", 0), oscillator(RIGS["rolling"], "Coulomb")
     found = fit(run, machine, MACHINE)
@@ -51,7 +52,6 @@ def test_times_may_come_in_any_order_and_from_both_sides_of_the_end():
     assert both[:-1] == pytest.approx(inside, abs=1e-15)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "law",
     [Coulomb(0.05), Stribeck(0.05, 0.065, v_stribeck=5e-3), Tanh(0.05, 1e-4)],
@@ -65,7 +65,6 @@ def test_a_sliding_run_cut_in_motion_goes_on_as_its_law_has_it(law):
     assert found.predict(later) == pytest.approx(true, abs=1e-7)
 
 
-@pytest.mark.slow
 def test_where_the_static_coefficient_is_bracketed_the_middle_of_its_interval_stops_the_mass():
     found = fit(cut(Coulomb(0.05), 0.15), machine(Coulomb(0.05, 0.05)), ("mu", "mu_s", "damping", "stiffness"))
     static = float(found.oscillator.friction.mu_s) * LOAD  # type: ignore[attr-defined]
@@ -73,7 +72,6 @@ def test_where_the_static_coefficient_is_bracketed_the_middle_of_its_interval_st
     assert rest[0] == rest[1] and abs(rest[0]) <= static / STIFFNESS
 
 
-@pytest.mark.slow
 def test_a_law_that_would_stop_the_mass_inside_the_record_is_remarked_on():
     """Fit with a static friction of 0.4.
 

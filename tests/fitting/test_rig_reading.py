@@ -13,6 +13,8 @@ from fricjax.friction import Coulomb, Tanh
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 from tests.machines import MACHINE, RIGS, STIFFNESS, coulomb_run, noisy, oscillator
 
+pytestmark = pytest.mark.slow
+
 SCALE, CLOCK, NONLINEARITY = 1e-4, 2e-4, 0.3e-9
 LOAD, FRINGE = 0.005, 316.5e-9
 SOURCES = ("displacement_scale", "time_scale", "periodic_nonlinearity_cosine", "periodic_nonlinearity_sine")
@@ -97,7 +99,6 @@ def test_a_record_read_otherwise_moves_the_fit_as_told(found: Fit, source: str):
         assert moved == pytest.approx(told, rel=1e-3, abs=0.02 * found.std_errors[name])
 
 
-@pytest.mark.slow
 def test_so_it_does_under_a_law_without_a_closed_form():
     trace, machine = noisy("rolling", "Tanh", 3), oscillator(RIGS["rolling"], "Tanh")
     uncertain = rig(RIGS["rolling"].load, **UNCERTAIN)
@@ -110,7 +111,6 @@ def test_so_it_does_under_a_law_without_a_closed_form():
             assert moved == pytest.approx(told, rel=2e-3, abs=0.02 * found.std_errors[name])
 
 
-@pytest.mark.slow
 def test_a_coefficient_that_is_known_makes_a_scale_act_otherwise():
     """Fit the mass at a known stiffness.
 
@@ -122,7 +122,6 @@ def test_a_coefficient_that_is_known_makes_a_scale_act_otherwise():
     assert found.combined_std_errors["mu"] / found.values["mu"] == pytest.approx(SCALE, rel=1e-3)
 
 
-@pytest.mark.slow
 def test_runs_that_are_fitted_together_share_their_instrument():
     traces = [coulomb_run(2e-3, seed=1), coulomb_run(2.4e-3, seed=2)]
     told = fit(traces, FULL.oscillator(Coulomb(0.05)), MACHINE, rig=FULL)
@@ -141,7 +140,6 @@ def test_the_report_says_what_is_most_uncertain(found: Fit):
     assert "rig inputs:" not in fit(coulomb_run(), FULL.oscillator(Coulomb(0.05)), MACHINE).summary()
 
 
-@pytest.mark.slow
 @pytest.mark.usefixtures("small_chunks")
 def test_a_batch_tells_for_each_run_what_a_fit_tells():
     traces = [coulomb_run(x0, seed=i) for i, x0 in enumerate((2e-3, 1.8e-3, 2.4e-3, 2.2e-3))]
@@ -167,7 +165,6 @@ def test_a_batch_tells_for_each_run_what_a_fit_tells():
     assert "0.05000(25)" in str(mean)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("workload", "rate"), [("sliding", 5e3), ("rolling", 800.0)])
 def test_nonlinearity_of_any_phase_scatters_mu_as_told(workload: str, rate: float):
     """Compare the scatter of forty runs with the combined standard error.

@@ -15,6 +15,8 @@ from fricjax.rig import Measured
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 from tests.machines import MACHINE, coulomb_run
 
+pytestmark = pytest.mark.slow
+
 RIG = fj.Rig(
     mass=PROTOTYPE_MASS, stiffness=Measured(2574.0, 2.0), normal_force=Measured(9.66, 0.01), damping=PROTOTYPE_DAMPING
 )
@@ -108,7 +110,6 @@ def test_displacements_without_times_are_refused(name):
         fj.fit(oscillator=SLIDING, free=MACHINE, **given)
 
 
-@pytest.mark.slow
 def test_a_joint_fit_names_its_runs(joint, tmp_path):
     assert joint.sources == joint.labels == ("run0.csv", "run1.csv", "run2.csv")
     report = joint.summary()
@@ -119,7 +120,6 @@ def test_a_joint_fit_names_its_runs(joint, tmp_path):
     assert back.sources == joint.sources and back.summary() == report
 
 
-@pytest.mark.slow
 def test_runs_without_a_name_of_their_own_have_a_number(paths):
     traces = [fj.read(path).trace for path in paths[:2]]
     found = fj.fit([*traces, paths[0], paths[0]], SLIDING, MACHINE)
@@ -127,7 +127,6 @@ def test_runs_without_a_name_of_their_own_have_a_number(paths):
     assert found.labels == ("run 0", "run 1", "run 2 (run0.csv)", "run 3 (run0.csv)")
 
 
-@pytest.mark.slow
 def test_sentences_name_the_run(paths, folder):
     record = fj.read(paths[1])
     short = fj.data.crop(record, None, float(record.segmentation.turning_times[1]))
@@ -159,7 +158,6 @@ def test_a_batch_names_its_files(paths, folder):
         fj.fit_batch("none.csv", SLIDING, MACHINE)
 
 
-@pytest.mark.slow
 def test_comparisons_name_their_files(paths, joint):
     found = fj.compare(paths, [SLIDING], held_out=False)
     assert found.sources == joint.sources and found.to_dict()["sources"] == list(joint.sources)

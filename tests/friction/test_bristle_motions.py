@@ -12,7 +12,8 @@ import fricjax.friction as friction
 from experiments.laws.scipy_laws import reference
 from fricjax.oscillator import Oscillator, simulate
 from tests.friction.machines import ROLLING, SLIDING, TENTH_OF_A_NANOMETRE, TS, X0, motion
-from tests.tiers import cases
+
+pytestmark = pytest.mark.slow
 
 _BRUSH = {"mu": 0.05, "mu_s": 0.065, "v_stribeck": 5e-3, "sigma0": 1e5, "sigma1": 284.0, "sigma2": 0.0}
 _AGEING = {"slip_distance": 2e-6, "v_reference": 1e-6}
@@ -32,7 +33,7 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("name", cases(CASES, ["LuGre"]))
+@pytest.mark.parametrize("name", CASES)
 def test_motion(name: str):
     machine, coefficients = CASES[name]
     law = name.split()[0]
@@ -55,7 +56,6 @@ CONTACTS = {
 }
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", CONTACTS)
 def test_derivatives(name: str):
     names, scale = list(CONTACTS[name]), np.array(list(CONTACTS[name].values()))

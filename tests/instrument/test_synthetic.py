@@ -17,6 +17,8 @@ from fricjax.instrument import Interferometer, synthetic_run
 from fricjax.oscillator import Oscillator, restoring, simulate
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 
+pytestmark = pytest.mark.slow
+
 ROLLING = Oscillator(PROTOTYPE_MASS, 2574.0, PROTOTYPE_DAMPING, 1.89, Coulomb(0.01))
 EVERYTHING = {
     "noise": 2e-9,
@@ -45,7 +47,6 @@ def test_the_same_seed_gives_the_same_run():
     assert np.std(first.trace.x - other.trace.x) > 1e-9
 
 
-@pytest.mark.slow
 def test_random_effects_draw_from_streams_of_their_own():
     clean, noisy = run(noise=0.0).trace.x, run(noise=1e-9).trace.x
     shaken, both = (run(noise=std, floor_acceleration_psd=3.4e-7).trace.x for std in (0.0, 1e-9))
@@ -115,7 +116,6 @@ def test_sigma_is_that_of_the_reading():
     assert scatter == pytest.approx(float(np.asarray(record.trace.sigma)), rel=0.08)
 
 
-@pytest.mark.slow
 def test_names_and_units_of_other_rigs():
     laws = Coulomb(0.002) + QuadraticDrag(0.01)
     swing = Oscillator(1.0, 30.0, 0.01, 1.0, laws, restoring=restoring.Pendulum())
@@ -128,7 +128,6 @@ def test_names_and_units_of_other_rigs():
     assert {"friction.0.mu", "friction.1.mu"} <= set(record.meta["coefficients"])
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("law", [Tanh(0.01, 1e-3), LuGre(0.01, sigma0=1e5, sigma1=1.0)], ids=["tanh", "lugre"])
 def test_laws_without_a_jump_take_the_same_drive(law):
     oscillator = Oscillator(PROTOTYPE_MASS, 2574.0, PROTOTYPE_DAMPING, 1.89, law)
@@ -162,13 +161,11 @@ def test_lengths_scale_with_the_load(factor, seed):
     np.testing.assert_allclose(many / factor, one, rtol=0, atol=2e-10)
 
 
-@pytest.mark.slow
 def test_a_pull_from_the_other_side_is_the_mirror_image():
     right, left = (run(x0=x0, noise=0.0, release_time_constant=1e-3, hold=0.01) for x0 in (2e-3, -2e-3))
     np.testing.assert_allclose(left.trace.x, -right.trace.x, rtol=0, atol=1e-15)
 
 
-@pytest.mark.slow
 def test_ten_thousand_samples_take_no_second():
     keywords = {**EVERYTHING, "duration": 2.0}
     run(**keywords)

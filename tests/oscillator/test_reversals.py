@@ -11,6 +11,8 @@ from fricjax.oscillator import Oscillator, Smooth, final_displacement, simulate
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 from tests.oracles import lugre_motion
 
+pytestmark = pytest.mark.slow
+
 M, K, C, N = PROTOTYPE_MASS, 2574.0, PROTOTYPE_DAMPING, 9.66
 LAWS = {
     "rings": LuGre(0.05, sigma0=1e6, sigma1=20.0),
@@ -26,7 +28,6 @@ def machine(law) -> Oscillator:
     return Oscillator(M, K, C, N, law)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("law", LAWS.values(), ids=LAWS.keys())
 def test_half_cycles_and_stop_are_those_of_the_motion(law):
     found = [simulate(machine(law), 2e-3, ts) for ts in SAMPLINGS]
@@ -43,7 +44,6 @@ def test_half_cycles_and_stop_are_those_of_the_motion(law):
     np.testing.assert_allclose(reversals, rigid.turning_points[: HALF_CYCLES + 1], rtol=0, atol=8e-5)
 
 
-@pytest.mark.slow
 def test_reversals_and_stop_against_scipy():
     """Compare with roots of the velocity from SciPy's dense solution."""
     sigma = (1e5, 2 * np.sqrt(1e5 * M), 0.0)
@@ -60,7 +60,6 @@ def test_reversals_and_stop_against_scipy():
     assert float(motion.turning_points[HALF_CYCLES]) == pytest.approx(float(oracle(np.array([stop]))[0]), abs=1e-9)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("law", [LAWS["rings"], LAWS["springs back slowly"]], ids=["rings", "springs back slowly"])
 def test_the_mass_is_at_rest_where_it_no_longer_moves(law):
     """Compare `at_rest` with the distance to the final position.
@@ -80,7 +79,6 @@ def test_before_the_stop_there_is_none():
     assert int(motion.n_half_cycles) == 2 and np.isinf(motion.t_stop) and not motion.at_rest[0]
 
 
-@pytest.mark.slow
 def test_a_start_within_the_dead_band_makes_no_half_cycle():
     motion = simulate(machine(LAWS["rings"]), 0.5 * float(machine(LAWS["rings"]).dead_band), np.array([0.1, 0.5]))
     assert int(motion.n_half_cycles) == 0 and motion.t_stop == 0.0
@@ -92,7 +90,6 @@ def test_a_start_in_motion_completes_its_stroke():
     assert {int(motion.n_half_cycles) for motion in found} == {int(rigid.n_half_cycles)}
 
 
-@pytest.mark.slow
 def test_a_law_that_creeps_never_stops():
     law = Tanh(0.05, 1e-3)
     found = [simulate(machine(law), 2e-3, ts, engine="smooth") for ts in SAMPLINGS]
@@ -105,7 +102,6 @@ def test_a_law_that_creeps_never_stops():
     np.testing.assert_allclose(found[0].turning_points[1 : n + 1], dense[turns], rtol=0, atol=1e-10)
 
 
-@pytest.mark.slow
 def test_derivatives_of_stop_and_reversals():
     """Compare derivatives in the stiffness with differences."""
     ts = jnp.asarray([0.3])
@@ -120,14 +116,12 @@ def test_derivatives_of_stop_and_reversals():
     np.testing.assert_allclose(points, (above[1] - below[1]) / 2, rtol=1e-3)
 
 
-@pytest.mark.slow
 def test_the_list_holds_as_many_half_cycles_as_it_can():
     motion = simulate(machine(LAWS["rings"]), 2e-3, SAMPLINGS[0], engine=Smooth(max_half_cycles=3))
     assert motion.turning_points.shape == (4,) and int(motion.n_half_cycles) == HALF_CYCLES
 
 
 class TestFinalDisplacement:
-    @pytest.mark.slow
     def test_a_contact_that_rings_for_long_is_waited_for(self):
         """Compare with SciPy after 8 s.
 
@@ -140,11 +134,9 @@ class TestFinalDisplacement:
         early = simulate(machine(law), 2e-3, np.array([0.3])).x[0]
         assert abs(float(early) - late[-1]) > 1e-6
 
-    @pytest.mark.slow
     def test_a_motion_that_does_not_come_to_rest_has_none(self):
         assert np.isnan(final_displacement(machine(LAWS["rings"]), 2e-3, engine=Smooth(max_steps=500)))
 
-    @pytest.mark.slow
     def test_it_may_be_vmapped_and_differentiated(self):
         oscillator, starts = machine(LAWS["springs back slowly"]), jnp.asarray([2e-3, 1.7e-3])
         found = jax.vmap(lambda x: final_displacement(oscillator, x))(starts)

@@ -9,11 +9,12 @@ from fricjax.oscillator import Oscillator, simulate
 from fricjax.oscillator.engines.smooth import Smooth
 from fricjax.oscillator.simulate import starting_state
 
+pytestmark = pytest.mark.slow
+
 MACHINE = Oscillator(0.41068, 2574.0, 0.17557, 1.89, Dahl(0.01, 1e5, 1.5))
 END = 0.3  # seven strokes of 0.0397 s
 
 
-@pytest.mark.slow
 def test_steps_end_at_the_reversals():
     trail = Smooth(max_steps=4000).trail(MACHINE, starting_state(MACHINE, 2e-3, 0.0), jnp.asarray(END))
     t, v = np.asarray(trail.t), np.asarray(trail.v)

@@ -16,6 +16,8 @@ import pytest
 from fricjax.oscillator.cache import asked_folder, distrust, prune
 from fricjax.oscillator.session import programs_folder
 
+pytestmark = pytest.mark.slow
+
 SCRIPT = """
 import json
 import jax
@@ -83,7 +85,6 @@ DAMAGE = {
 }
 
 
-@pytest.mark.slow
 def test_damaged_programs_are_made_again_in_silence(filled, programs):
     first, (folder,) = filled[1], programs.iterdir()
     files = sorted(folder.iterdir())
@@ -98,7 +99,6 @@ def test_damaged_programs_are_made_again_in_silence(filled, programs):
     assert sorted(folder.iterdir()) == files
 
 
-@pytest.mark.slow
 def test_nothing_is_loaded_from_where_others_can_write(programs):
     (folder,) = programs.iterdir()
     before = {path: path.stat().st_mtime_ns for path in folder.iterdir()}
@@ -157,7 +157,6 @@ def test_doctor_says_why_there_is_no_cache(tmp_path, monkeypatch):
     assert found.startswith(f"off: others can write to {folder}, ")
 
 
-@pytest.mark.slow
 def test_a_folder_that_the_user_gave_to_jax_stays(tmp_path):
     found = told(FRICJAX_CACHE_DIR=str(tmp_path / "ours"), JAX_COMPILATION_CACHE_DIR=str(tmp_path / "theirs"))
     assert found["imported"] == found["at"] == str(tmp_path / "theirs")

@@ -55,6 +55,7 @@ def test_auto_picks_the_fastest_engine_that_can(machine: Oscillator, engine: typ
     assert type(select_engine("auto", machine)) is engine
 
 
+@pytest.mark.slow
 def test_the_motion_says_which_engine_made_it():
     for name in ("exact", "hybrid"):
         motion = simulate(Oscillator(*RIG, Coulomb(0.1)), 1e-3, TS, engine=name)

@@ -11,6 +11,8 @@ from fricjax.oscillator import Oscillator, energy, simulate
 from fricjax.oscillator.restoring import Structural
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 
+pytestmark = pytest.mark.slow
+
 STIFFNESS, LOAD, X0 = 2574.0, 9.66, 2e-3
 T = np.linspace(0, 0.45, 901)
 
@@ -71,7 +73,6 @@ def _piece(t: float, y: np.ndarray, s: float, eta: float, friction: float):
     return solve_ivp(field, (t, 2.0), y, "DOP853", events=(passing, turning), **how)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("eta_h", [1e-3, 0.05])
 def test_the_decay_of_the_spring_alone_is_the_closed_form(eta_h: float):
     motion = simulate(machine(eta_h, mu=0.0, damping=0.0), X0, T)
@@ -88,7 +89,6 @@ def test_with_friction_and_damping_it_is_the_motion_by_events(eta_h: float):
     np.testing.assert_allclose(motion.x, by_events(eta_h, 0.05), atol=1e-10)
 
 
-@pytest.mark.slow
 def test_a_driven_motion_has_the_same_spring():
     driven = simulate(machine(0.05), X0, T, base_acceleration=np.zeros(T.size), accuracy=1e-11)
     np.testing.assert_allclose(driven.x, simulate(machine(0.05), X0, T).x, atol=2e-10)
@@ -103,7 +103,6 @@ def test_energy_goes_into_the_spring():
     assert np.all(np.asarray(found.hysteresis_power) >= 0)
 
 
-@pytest.mark.slow
 def test_the_derivative_is_that_of_the_closed_form():
     def end(eta_h):
         return simulate(machine(eta_h, mu=0.0, damping=0.0), X0, jnp.asarray(T[::50])).x

@@ -9,6 +9,8 @@ from fricjax.sensitivity import fisher
 from fricjax.sensitivity.directions import directions, spectrum
 from tests.sensitivity.machines import prototype
 
+pytestmark = pytest.mark.slow
+
 VALUES = {
     "mass": (0.41, "kg"),
     "stiffness": (2574.0, "N/m"),

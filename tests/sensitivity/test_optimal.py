@@ -9,12 +9,13 @@ from fricjax.sensitivity.optimal import _Space, criterion_of
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 from tests.sensitivity.machines import prototype
 
+pytestmark = pytest.mark.slow
+
 NAMES = ["mu", "damping", "stiffness"]
 MACHINE = prototype(fj.friction.Coulomb(0.05))
 RANGE = (0.5e-3, 2e-3)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("criterion", ["c", "D"])
 def test_the_slope_of_the_criterion_is_that_of_differences(criterion):
     space, wanted = _Space(MACHINE, tuple(NAMES), 1e4, np.inf, 1e-9), np.array([1e-7, 1e-6, np.inf])
@@ -39,7 +40,6 @@ def test_the_information_is_that_of_a_planned_run():
     assert errors == pytest.approx([planned.std_errors[name] / planned.values[name] for name in NAMES], rel=5e-3)
 
 
-@pytest.mark.slow
 def test_chosen_runs_leave_less_than_as_many_others():
     """Compare with two hundred campaigns of four random releases."""
     targets = {"mu": 3e-8, "damping": 1e-7}
@@ -63,7 +63,6 @@ def test_chosen_runs_leave_less_than_as_many_others():
     assert faster.rate_for_targets == pytest.approx(best.rate_for_targets, rel=1e-6)
 
 
-@pytest.mark.slow
 def test_a_mass_that_never_stops_is_recorded_for_as_long_as_is_said():
     """Compare a frictionless mass with a decaying cosine.
 

@@ -10,6 +10,8 @@ from scipy.signal import lfilter
 import fricjax as fj
 from fricjax.errors import UsageError
 
+pytestmark = pytest.mark.slow
+
 MU = 0.02
 MACHINE = fj.Oscillator(0.41068, 2574.0, 0.1756, 1.89, fj.friction.Coulomb(MU))
 FREE = ("mu", "damping", "stiffness")
@@ -81,7 +83,6 @@ def test_a_batch_takes_the_same_names(fits):
         fj.fit_batch([coloured(0)], MACHINE, FREE, noise="whit")
 
 
-@pytest.mark.slow
 def test_the_sandwich_covers_where_the_plain_error_does_not():
     """Compare the scatter of 24 least-squares fits with robust errors.
 
@@ -100,7 +101,6 @@ def test_the_sandwich_covers_where_the_plain_error_does_not():
     assert robust.plot().get_axes()[0].get_xlabel() == "Standard error over that of the fit [1]"
 
 
-@pytest.mark.slow
 def test_beside_the_right_noise_the_sandwich_agrees(fits):
     robust = fj.uncertainty.sandwich(fits["auto"])
     assert not robust.doubted and robust.ratios["mu"] == pytest.approx(1.0, abs=0.35)

@@ -7,6 +7,8 @@ import fricjax as fj
 from fricjax.errors import UsageError
 from fricjax.uncertainty import route_budget
 
+pytestmark = pytest.mark.slow
+
 PAIRS = [1.1e-3, 1.5e-3, 2.1e-3, 2.5e-3], [1.02e-4, -1e-4, -1.01e-4, 1e-4]
 RIG = fj.Rig(mass=0.4, stiffness="2500 +/- 25", damping=0.0, normal_force="10 +/- 0.05")
 

@@ -46,6 +46,7 @@ class Creeping(AbstractPath):
         oscillator: with a regularised law.
         start, time: state and time [s] at the end of the half-cycles.
         creeps: False if another half-cycle follows but the capacity is exhausted.
+        accuracy: target for the error of the creep [m].
     """
 
     half_cycles: Nodes
@@ -53,14 +54,16 @@ class Creeping(AbstractPath):
     start: Start
     time: Float[Array, ""]
     creeps: Bool[Array, ""]
+    accuracy: float = eqx.field(static=True)
 
     @classmethod
-    def behind(cls, decay: Decay, oscillator: Oscillator, start: Start) -> "Creeping":
-        """Continue the half-cycles of `decay`, which begin at `start`."""
+    def behind(cls, decay: Decay, oscillator: Oscillator, start: Start, nodes: int) -> "Creeping":
+        """Continue half-cycles of `nodes` steps that begin at `start`."""
         end = decay.end
         v = jnp.where(end.count == 0, start.v0, 0.0)
         left = Start(end.turning_point, v, jnp.zeros(0))
-        return cls(decay.nodes, oscillator, left, end.time, ~end.resolved)
+        # The half-cycles are of sixth order: 28 steps for 0.1 nm.
+        return cls(decay.nodes, oscillator, left, end.time, ~end.resolved, 1e-10 * (28 / nodes) ** 6)
 
     @property
     def turning_points(self) -> Float[Array, " turning_points"]:
@@ -80,7 +83,7 @@ class Creeping(AbstractPath):
             from ..smooth import Smooth
 
             duration = limit * (1 + _BEYOND) - self.time
-            nodes = Smooth(max_steps=_CREEP_STEPS).trail(self.oscillator, self.start, duration)
+            nodes = Smooth(self.accuracy, max_steps=_CREEP_STEPS).trail(self.oscillator, self.start, duration)
             return Nodes(nodes.t + self.time, nodes.x, nodes.v, nodes.a, before.rest_position, before.t_stop, never)
 
         def none() -> Nodes:
@@ -148,7 +151,7 @@ class Hybrid(AbstractEngine):
             return decay.resolved_part
         if oscillator.friction.set_valued:
             return to_rest(decay, oscillator, start, rests)[0]
-        return Creeping.behind(decay, oscillator, start)
+        return Creeping.behind(decay, oscillator, start, self.nodes)
 
     def solve(
         self,
@@ -166,7 +169,7 @@ class Hybrid(AbstractEngine):
             lost, stopped = codes.where(end.resolved, codes.too_many_half_cycles, codes.phase_reversed), end.at_rest
             count = jnp.where(stopped, end.count, -1)
         else:
-            creep = Creeping.behind(decay, oscillator, start).creep(ts[-1])
+            creep = Creeping.behind(decay, oscillator, start, self.nodes).creep(ts[-1])
             nodes, stopped = decay.nodes.joined(creep), jnp.asarray(False)
             made = decay.half_cycles.t[:, -1] <= ts[-1]
             points = jnp.where(made, decay.turning_points, jnp.nan)
