@@ -218,10 +218,13 @@ def _times(ts: ArrayLike) -> Any:
     times = _floats(ts)
     if times.ndim != 1 or times.shape[0] == 0:
         raise ValueError(f"ts must be a list of at least one time [s], got an array of shape {times.shape}.")
-    known = None if isinstance(times, Tracer) else np.asarray(times)
-    if known is not None and not np.all(known[1:] > known[:-1]):
+    if isinstance(times, Tracer):
+        return times
+    # On the host, since an operation on a constant under an outer transformation gives a tracer.
+    known = np.asarray(times)
+    if not np.all(known[1:] > known[:-1]):
         raise ValueError("ts must increase from sample to sample.")
-    return times
+    return known
 
 
 def _solved(
