@@ -30,7 +30,7 @@ _LONG = 1e4 * np.pi
 _SHOWS = 0.1
 # Tolerance factor for a sampled motion with internal states: the undamped vibration of a contact adds up step errors.
 # experiments/laws/accuracy.py counts the misses.
-_STATES = 0.01
+_STATES = 0.1
 # Factor on `still` for a resting mass on a mesh made for another motion.
 _MOVED = 2.0
 
