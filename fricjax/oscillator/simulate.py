@@ -281,9 +281,7 @@ def motion_of(
         )
 
     numbers = engine, oscillator, x0, v0, state0, drive, half_cycles
-    (x, v, force), (t_stop, turning_points, bias), discrete = transposable(outputs, one_by_one=not engine.vectorises)(
-        numbers, ts
-    )
+    (x, v, force), (t_stop, turning_points, bias), discrete = transposable(outputs)(numbers, ts)
     at_rest, n_half_cycles, result, stats = discrete
     return Motion(ts, x, v, force, at_rest, t_stop, turning_points, n_half_cycles, bias, engine.name, result, stats)
 
@@ -358,7 +356,7 @@ def _final(engine: AbstractEngine, oscillator: Oscillator, x0: Array) -> Array:
         motion = engine.solve(oscillator, start, jnp.asarray([1e30]))
         return Outputs((), (jnp.where(jnp.isfinite(motion.t_stop), motion.x[0], jnp.nan),))
 
-    return transposable(outputs, one_by_one=not engine.vectorises)((engine, oscillator, x0), jnp.zeros(0)).single[0]
+    return transposable(outputs)((engine, oscillator, x0), jnp.zeros(0)).single[0]
 
 
 def _half_cycles_to_rest(oscillator: Oscillator, x0: ArrayLike) -> int:

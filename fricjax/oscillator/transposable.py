@@ -33,26 +33,26 @@ class Outputs(NamedTuple):
 
 
 def transposable[Numbers](
-    function: Callable[[Numbers, Float[Array, " samples"]], Outputs], *, one_by_one: bool
+    function: Callable[[Numbers, Float[Array, " samples"]], Outputs],
 ) -> Callable[[Numbers, Float[Array, " samples"]], Outputs]:
     """Give a function derivatives of any order in forward and reverse mode.
 
+    On a CPU `jax.vmap` computes the calls one after the other, since their loops have different lengths.
+
     Args:
         function: function of a pytree of numbers and of the times of the samples.
-        one_by_one: whether `jax.vmap` computes its calls one after the other on a CPU. This is faster if their
-            loops have different lengths.
 
     Examples:
         >>> def root(numbers, ts):
         ...     step = lambda x: (x + numbers / x) / 2
         ...     x = jax.lax.while_loop(lambda x: jnp.abs(x**2 - numbers) > 1e-12, step, numbers)
         ...     return Outputs(sampled=(), single=(x,))
-        >>> square_root = transposable(root, one_by_one=True)
+        >>> square_root = transposable(root)
         >>> value, slope = jax.value_and_grad(lambda a: square_root(a, jnp.zeros(0)).single[0])(4.0)
         >>> print(f"{value:.6f} {slope:.6f}")
         2.000000 0.250000
     """
-    mapped = sequential_vmap(function) if one_by_one and jax.default_backend() == "cpu" else function
+    mapped = sequential_vmap(function) if jax.default_backend() == "cpu" else function
 
     @jax.custom_jvp
     def wrapped(numbers: Any, ts: Array) -> Outputs:
@@ -64,7 +64,7 @@ def transposable[Numbers](
         changes = jax.tree.leaves(changes, is_leaf=_is_zero)
         active = tuple(i for i, change in enumerate(changes) if not _is_zero(change))
         moved = not _is_zero(shift)
-        jacobian = transposable(_with_jacobian(function, active, moved), one_by_one=one_by_one)
+        jacobian = transposable(_with_jacobian(function, active, moved))
         sampled, single, discrete = jacobian(numbers, ts)
         values = Outputs(sampled[::2], single[::2], discrete)
         change = jnp.concatenate([jnp.ravel(changes[i]) for i in active]) if active else jnp.zeros(0)

@@ -57,14 +57,12 @@ class AbstractEngine(eqx.Module):
         counted: entries of the `stats` of its motions.
         needs_mesh: whether a path requires a mesh found by an adaptive integration before it is a smooth function of
             the parameters.
-        vectorises: whether a batch of motions is faster than a loop over them on a CPU.
         takes_drive: whether `solve` accepts a `drive`: floor motion, a decaying holding force.
     """
 
     name: eqx.AbstractClassVar[str]
     counted: ClassVar[tuple[str, ...]] = ()
     needs_mesh: eqx.AbstractClassVar[bool]
-    vectorises: ClassVar[bool] = False
     takes_drive: ClassVar[bool] = False
 
     @staticmethod

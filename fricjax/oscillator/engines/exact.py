@@ -181,7 +181,6 @@ class Exact(AbstractEngine):
 
     name: ClassVar[str] = "exact"
     needs_mesh: ClassVar[bool] = False
-    vectorises: ClassVar[bool] = True
     max_half_cycles: int = eqx.field(static=True, default=512)
 
     @staticmethod
