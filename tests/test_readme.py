@@ -54,5 +54,5 @@ def test_the_automatic_check_takes_its_line_from_the_readme(tmp_path):
 
     assert outcome(7) == (7, [])
     code, (line, ran) = outcome(0)
-    assert code == 0 and line == "+ .venv/bin/python -m pytest -n 2 --dist loadfile -m slow"
+    assert code == 0 and line == "+ JAXTYPING_DISABLE=1 .venv/bin/python -m pytest -n 2 --dist loadfile -m slow"
     assert ran == "slow: -m pytest -n 2 --dist loadfile -m slow"
