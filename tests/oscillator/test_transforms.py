@@ -89,8 +89,7 @@ def close(found: Any, expected: Any, rtol: float) -> None:
 def same(found: Any, expected: Any, law: str, engine: str) -> None:
     """Compare reverse with forward mode.
 
-    The Newton iterations of an implicit solver end at a tolerance, so two programs that round differently differ by
-    more than rounding: for LuGre by 5e-8.
+    Two programs with the implicit Kvaerno5 differ by more than rounding: for LuGre by 5e-8.
     """
     implicit = engine == "diffrax" and not machine(law, 0.05).friction.set_valued
     close(found, expected, 1e-6 if implicit else 1e-9)
