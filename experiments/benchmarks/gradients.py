@@ -9,6 +9,7 @@ standard errors for some of them. Run nothing else at the same time.
 """
 
 import argparse
+import math
 import os
 import subprocess
 import sys
@@ -33,6 +34,8 @@ LAWS: dict[str, Callable[[Any], fj.friction.AbstractFriction]] = {
 }
 TS = np.linspace(0.0, 0.3, 301)
 SIGMA, FITTED = 1e-9, 20
+_TIMED = 0.2
+"""Shortest time of a measurement [s]."""
 
 
 def machine(friction: Any, stiffness: float = 2574.0, damping: float = 0.17557) -> fj.Oscillator:
@@ -66,8 +69,10 @@ def batches(law: str) -> tuple[float, float]:
     seconds = []
     for run in (batched, looped):
         jax.block_until_ready(run(releases))
-        # The clock of a process is coarse, and the closed form takes milliseconds.
-        repeats = 50 if law == "Coulomb" else 1
+        begun = time.perf_counter()
+        jax.block_until_ready(run(releases))
+        # The clock of a process is coarse, so short calls are repeated.
+        repeats = math.ceil(_TIMED / (time.perf_counter() - begun))
         many = lambda run=run, repeats=repeats: [jax.block_until_ready(run(releases)) for _ in range(repeats)]
         seconds.append(min(cpu(many) for _ in range(3)) / repeats)
     return seconds[0], seconds[1]

@@ -62,7 +62,7 @@ def _made(name: str, accuracy: float, max_half_cycles: int, divisor: int) -> Abs
 
         return Exact(max_half_cycles)
     if name == "hybrid":
-        from .engines.hybrid import Hybrid
+        from .engines.hybrid import Hybrid, nodes_for
 
         return Hybrid(nodes=nodes_for(accuracy) * divisor, max_half_cycles=max_half_cycles)
     if name == "events":
@@ -77,14 +77,6 @@ def _made(name: str, accuracy: float, max_half_cycles: int, divisor: int) -> Abs
     import diffrax
 
     return dataclasses.replace(smooth, method=diffrax.Kvaerno5())
-
-
-def nodes_for(accuracy: float) -> int:
-    """Return the hybrid engine's steps per half-cycle for an accuracy [m].
-
-    The number is even and assumes a motion of a few millimetres.
-    """
-    return 2 * max(8, math.ceil(14 * (1e-10 / accuracy) ** (1 / 6)))
 
 
 def concrete(value: Any) -> float | None:

@@ -37,7 +37,8 @@ def transposable[Numbers](
 ) -> Callable[[Numbers, Float[Array, " samples"]], Outputs]:
     """Give a function derivatives of any order in forward and reverse mode.
 
-    On a CPU `jax.vmap` computes the calls one after the other, since their loops have different lengths.
+    On a CPU `jax.vmap` computes the calls one after the other. This takes less time than a batch for every engine
+    (experiments/benchmarks/gradients.py), most of all if the loops have different lengths.
 
     Args:
         function: function of a pytree of numbers and of the times of the samples.

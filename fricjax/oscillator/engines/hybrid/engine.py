@@ -11,6 +11,7 @@ Half-cycles of one law differ only in their amplitude. A fit knows the range of 
 solves a dozen amplitudes in parallel (:mod:`.collocation`) and interpolates the half-cycles (:mod:`.amplitude_table`).
 """
 
+import math
 from typing import Any, ClassVar
 
 import equinox as eqx
@@ -29,6 +30,9 @@ from .decay import Decay, by_table, one_by_one, rest_condition, to_rest
 from .half_cycles import RestCondition, enter
 from .phase_steps import layer_width, separatrix_width
 
+# Steps per half-cycle that keep the error [m] of a motion of a few millimetres, and the order of the method.
+_NODES, _ERROR, _ORDER = 28, 1e-10, 6
+
 # Skew of the mesh and margin of the table in the engine for error estimates.
 _SKEW, _MARGIN = 0.2, 0.05
 
@@ -36,6 +40,16 @@ _SKEW, _MARGIN = 0.2, 0.05
 _CREEP_STEPS = 1024
 # Relative extension of the creep beyond the last sample, so that rounding cannot exclude it.
 _BEYOND = 1e-12
+
+
+def nodes_for(accuracy: float) -> int:
+    """Return the even number of steps per half-cycle for an accuracy [m]."""
+    return 2 * max(8, math.ceil(_NODES / 2 * (_ERROR / accuracy) ** (1 / _ORDER)))
+
+
+def _accuracy_of(nodes: int) -> float:
+    """Return the accuracy [m] of a number of steps per half-cycle."""
+    return _ERROR * (_NODES / nodes) ** _ORDER
 
 
 class Creeping(AbstractPath):
@@ -62,8 +76,7 @@ class Creeping(AbstractPath):
         end = decay.end
         v = jnp.where(end.count == 0, start.v0, 0.0)
         left = Start(end.turning_point, v, jnp.zeros(0))
-        # The half-cycles are of sixth order: 28 steps for 0.1 nm.
-        return cls(decay.nodes, oscillator, left, end.time, ~end.resolved, 1e-10 * (28 / nodes) ** 6)
+        return cls(decay.nodes, oscillator, left, end.time, ~end.resolved, _accuracy_of(nodes))
 
     @property
     def turning_points(self) -> Float[Array, " turning_points"]:
