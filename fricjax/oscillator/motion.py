@@ -51,11 +51,13 @@ class Motion(eqx.Module, Reported):
             set-valued. Vibrations of a contact that holds the mass do not count. The number does not depend on the
             sampling of the motion.
         regularisation_bias: largest distance from the motion under the set-valued limit of a regularised law [m];
-            zero for other laws, and NaN for driven motions, for which no engine integrates the set-valued limit.
+            zero for other laws, and NaN for driven motions, for which no engine integrates the set-valued limit. Its
+            derivatives are zero.
         engine: name of the engine.
         result: outcome; its text states cause and remedy.
         stats: counts of the integrator.
-        error: estimate of the largest numerical error of the displacement [m]; None if not requested.
+        error: estimate of the largest numerical error of the displacement [m]; None if not requested. Its derivatives
+            are zero.
 
     Examples:
         >>> import numpy as np

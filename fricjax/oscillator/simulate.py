@@ -239,17 +239,20 @@ def _solved(
     drive: Drive | None,
 ) -> Motion:
     motion = motion_of(engine, oscillator, x0, v0, state0, ts, drive)
+    # The distances to other motions are diagnostics. Their derivatives are zero, so those motions compile without any.
+    fixed, at, v, state, times, force = jax.lax.stop_gradient((oscillator, x0, v0, state0, ts, drive))
+    x = jax.lax.stop_gradient(motion.x)
     if finer is not None:
-        rounding = jnp.finfo(float).eps * (1 + oscillator.angular_frequency * jnp.abs(ts[-1]))
-        distance = jnp.abs(motion_of(finer, oscillator, x0, v0, state0, ts, drive).x - motion.x)
-        motion = dataclasses.replace(motion, error=jnp.max(distance) + rounding * jnp.max(jnp.abs(motion.x)))
+        rounding = jnp.finfo(float).eps * (1 + fixed.angular_frequency * jnp.abs(times[-1]))
+        distance = jnp.abs(motion_of(finer, fixed, at, v, state, times, force).x - x)
+        motion = dataclasses.replace(motion, error=jnp.max(distance) + rounding * jnp.max(jnp.abs(x)))
     if limit is None:
         return motion
     bias = jnp.asarray(jnp.nan)
     if drive is None:
         # The bias is the distance to the motion without regularisation, so that motion is computed too.
-        reference = dataclasses.replace(oscillator, friction=oscillator.friction.set_valued_limit())
-        bias = jnp.max(jnp.abs(motion_of(limit, reference, x0, v0, None, ts).x - motion.x))
+        reference = dataclasses.replace(fixed, friction=fixed.friction.set_valued_limit())
+        bias = jnp.max(jnp.abs(motion_of(limit, reference, at, v, None, times).x - x))
     return eqx.tree_at(lambda m: m.regularisation_bias, motion, bias)
 
 

@@ -13,7 +13,7 @@ from ..base import UNTABLED
 from ..nodes import Nodes, spliced
 from .amplitude_table import AmplitudeTable, half_cycles_from_table
 from .collocation import Panels
-from .grazing import MOST, grazing_half_cycles
+from .grazing import MOST, NODES, grazing_half_cycles
 from .half_cycles import (
     Attempt,
     HalfCycle,
@@ -134,8 +134,7 @@ def to_rest(decay: Decay, oscillator: Oscillator, start: Start, rests: RestCondi
         return grazing_half_cycles(oscillator, start, rests, decay.end)
 
     def none() -> tuple[Nodes, Array, Reversal]:
-        shape = jax.eval_shape(grazing)[0].t.shape
-        columns = (jnp.broadcast_to(last, shape) for last in (before.t[-1], before.x[-1], 0.0, 0.0))
+        columns = (jnp.full(NODES, last) for last in (before.t[-1], before.x[-1], 0.0, 0.0))
         nodes = Nodes.of(columns, before.rest_position, before.t_stop, before.finished)
         return nodes, jnp.full(MOST, jnp.nan), decay.end
 

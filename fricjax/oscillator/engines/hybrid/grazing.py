@@ -23,6 +23,8 @@ from .phase_steps import integrate_phase, layer_width, mesh_fractions
 MOST = 3
 # Time steps until the mass slows down, and phase steps from there to the reversal.
 _STEPS, _PHASES = 160, 32
+# Number of nodes of all grazing half-cycles.
+NODES = MOST * (_STEPS + 1 + _PHASES + 1)
 # Upper limit for the layer of the mesh: under strong damping the phase about the fastest place ends slowly.
 _THINNEST = 1e-3
 _TOLERANCE, _ROUNDING = 3e-8, 1e-15

@@ -115,12 +115,17 @@ def integrate_phase(
     weights, steps = tableau.b_sol[:stages], jnp.diff(theta)
     angles = Angle.of(theta[:-1, None] + steps[:, None] * fractions)
 
+    # A separate jitted function is traced once for all stages.
+    @jax.jit
+    def rates(amplitude: Array, angle: Angle) -> _Pair:
+        return once(phase_rates(oscillator, frame, amplitude, angle))
+
     def step(now: _Pair, at: tuple[Array, Angle]) -> tuple[_Pair, _Pair]:
         width, angle = at
         rises, lapses = [], []
         for i, couplings in enumerate(couplings_of):
             there = once(now[0] + width * _combined(couplings, rises))
-            rise, lapse = once(phase_rates(oscillator, frame, there, angle.at(i)))
+            rise, lapse = rates(there, angle.at(i))
             rises.append(rise)
             lapses.append(lapse)
         then = once((now[0] + width * _combined(weights, rises), now[1] + width * _combined(weights, lapses)))
