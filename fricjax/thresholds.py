@@ -17,6 +17,7 @@ DESCRIBED = 10.0
 EXCESS = 2.0
 """The same squared: chi^2 per sample, or the ratio of the chi^2 of two laws. Above it the number of half-cycles may be
 wrong, a law is fitted again from the coefficients of the best law, and no law of a comparison describes its runs.
+Below its inverse, a noise that was estimated from the record is replaced by the scatter of the residuals.
 Convention: with ten thousand samples of white noise, chi^2 per sample exceeds 1.05 in one of a thousand records."""
 
 # Is an effect there, or is it chance? Standard errors.

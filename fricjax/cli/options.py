@@ -95,7 +95,8 @@ class Reading:
     row: Annotated[int | None, Option(help="Row to read from a .mat variable with several rows.")] = None
     cells: Annotated[str | None, Option(help="Cells of a .mat cell array to join, such as 0,1,2.")] = None
     repair: Annotated[
-        str | None, Option(help='Faults to repair: dropouts, slips, or with a known fringe "dropouts,slips=158.2 nm".')
+        str | None,
+        Option(help='Faults to repair: dropouts, clock, slips, or with a known fringe "dropouts,slips=158.2 nm".'),
     ] = None
     crop: Annotated[str | None, Option(help="Keep only this span of time in s, such as 1:9, 1: or :9.")] = None
 

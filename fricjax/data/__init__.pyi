@@ -11,7 +11,7 @@ from .preprocess import (
 )
 from .read import example_paths, read
 from .record import Record, Step
-from .repair import find_dropouts, find_slips, mask_dropouts, repair_slips
+from .repair import find_clock_faults, find_dropouts, find_slips, mask_dropouts, repair_clock, repair_slips
 from .segmentation import Segmentation, rest_spectrum, segment
 from .trace import Trace
 from .write import write
@@ -26,6 +26,7 @@ __all__ = [
     "crop",
     "estimate_noise",
     "example_paths",
+    "find_clock_faults",
     "find_dropouts",
     "find_first_reversal",
     "find_release",
@@ -35,6 +36,7 @@ __all__ = [
     "inspect",
     "mask_dropouts",
     "read",
+    "repair_clock",
     "repair_slips",
     "rest_spectrum",
     "segment",

@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .segmentation.noise import resolution, white_noise
+from .clock import repeated_samples
+from .segmentation.noise import resolution, typical_interval, white_noise
 
 # Fewest equal samples in a run; two may be equal by chance.
 _FEWEST = 3
@@ -45,23 +46,29 @@ def dropouts(t: np.ndarray, x: np.ndarray) -> list[Dropout]:
     runs = [(int(a), int(b)) for a, b in itertools.pairwise(edges) if b - a >= _FEWEST]
     if not runs:
         return []
+    slow = repeated_samples(t, x)
     step = resolution(x)
     noise = max(white_noise(t, x, step), 1e-11 * float(np.ptp(x)))
     # A rounded motion stays within half a step on either side, and an encoder holds its value at a reversal.
-    far = max(_FAR * noise, 2.0 * step, _MOVES * float(np.sqrt(np.mean(np.diff(x) ** 2))))
-    return [Dropout(a, b, float(x[a])) for a, b in runs if _breaks(x, a, b, far) or _departs(t, x, a, b, far)]
+    # Steps in a typical interval, so that a gap in the samples is no jump.
+    steps = np.diff(x) / np.diff(t) * typical_interval(t)
+    far = max(_FAR * noise, 2.0 * step, _MOVES * float(np.sqrt(np.mean(steps**2))))
+    return [
+        Dropout(a, b, float(x[a]))
+        for a, b in runs
+        if not slow[b - 1] and (_breaks(steps, a, b, far) or _departs(t, x, a, b, far))
+    ]
 
 
-def _breaks(x: np.ndarray, start: int, stop: int, far: float) -> bool:
+def _breaks(steps: np.ndarray, start: int, stop: int, far: float) -> bool:
     """Return True if the motion jumps at one end of the run."""
 
     def broken(last: float, before: np.ndarray) -> bool:
         # The step to the repeated value is larger than any change of the steps before.
         return before.size == _STEPS and abs(last) > max(far, _ABRUPT * float(np.abs(np.diff(before)).max()))
 
-    steps = np.diff(x)
     come, left = steps[max(start - 1 - _STEPS, 0) : start - 1], steps[stop : stop + _STEPS][::-1]
-    return (start > 0 and broken(steps[start - 1], come)) or (stop < x.size and broken(steps[stop - 1], left))
+    return (start > 0 and broken(steps[start - 1], come)) or (stop <= steps.size and broken(steps[stop - 1], left))
 
 
 def _departs(t: np.ndarray, x: np.ndarray, start: int, stop: int, far: float) -> bool:

@@ -145,9 +145,12 @@ class Record(Reported):
         It is computed at the first access and then cached.
 
         Raises:
-            DataError: x is constant, or there are too few samples, altogether or per half-cycle.
+            DataError: x is constant, there are too few samples, altogether or per half-cycle, or the clock jumps.
         """
-        return segment(self.trace.t, self.trace.x, self.trace.sigma, self.trace.mask)
+        try:
+            return segment(self.trace.t, self.trace.x, self.trace.sigma, self.trace.mask)
+        except DataError as error:
+            raise DataError(f"{self.name}: {error}" if self.name else str(error)) from error
 
     @property
     def release(self) -> float | None:

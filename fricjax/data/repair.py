@@ -1,9 +1,12 @@
-"""Detection and repair of instrument faults: fringe slips and dropouts."""
+"""Detection and repair of instrument faults: fringe slips, dropouts, clock faults."""
+
+from collections.abc import Sized
 
 import numpy as np
 
 from ..errors import UsageError, first_of
 from ..show import engineering
+from .clock import ClockFault, clock_faults
 from .dropouts import Dropout, dropouts
 from .readers.choice import faults_of
 from .readers.header import scale_of
@@ -41,15 +44,21 @@ def find_slips(record: Record, fringe: float | None = None) -> list[Slip]:
     """
     if fringe is not None and not 0 < fringe < np.inf:
         raise UsageError(f"fringe must be a positive length in m, got {fringe!r}; one is 316.4e-9 or 158.2e-9.")
+    steps = _steps(record, fringe)
+    return steps if fringe is not None else _slips_among(steps, _clock_faults(record, steps))
+
+
+def _steps(record: Record, fringe: float | None) -> list[Slip]:
+    """Return the steps in evenly spaced stretches, whatever their cause."""
     t, x, mask = record.t, record.x, record.mask
     intervals = np.diff(t)
     even = np.abs(intervals - np.median(intervals)) < _REGULAR * np.median(intervals)
     together = mask[1:] & mask[:-1] & even
     edges = np.r_[0, np.flatnonzero(~together) + 1, t.size]
-    faults: list[Slip] = []
+    found: list[Slip] = []
     for start, stop in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
-        faults += [slip._replace(index=start + slip.index) for slip in slips(x[start:stop], fringe)]
-    return faults
+        found += [slip._replace(index=start + slip.index) for slip in slips(x[start:stop], fringe)]
+    return found
 
 
 def repair_slips(record: Record, fringe: float | None = None) -> Record:
@@ -127,8 +136,77 @@ def mask_dropouts(record: Record) -> Record:
     return record.with_step(step, trace=Trace(record.t, record.x, record.sigma, mask) if faults else None)
 
 
+def find_clock_faults(record: Record) -> list[ClockFault]:
+    """Find samples at wrong times: repeated or lost samples and clock jumps.
+
+    A fault while the mass hardly moves goes undetected.
+
+    Returns:
+        The faults, in order: `index` of the first sample after each, the `shift` of the time from there on [s], and the
+        number of repeated samples (`repeats`) before it.
+
+    Examples:
+        The logger loses a sample, and all later samples are stamped a tick early:
+
+        >>> import numpy as np
+        >>> import fricjax as fj
+        >>> record = fj.read(fj.data.example_paths().run)
+        >>> lost = fj.Record(record.t[:-1], np.delete(record.x, 640))
+        >>> [(fault.index, f"{1e3 * fault.shift:.2f} ms") for fault in fj.data.find_clock_faults(lost)]
+        [(640, '0.20 ms')]
+    """
+    return _clock_faults(record, _steps(record, None))
+
+
+def _slips_among(steps: list[Slip], clock: list[ClockFault]) -> list[Slip]:
+    """Return the steps that the clock does not explain."""
+    late = {i for fault in clock for i in range(fault.index - fault.repeats, fault.index + 1)}
+    return [step for step in steps if step.index not in late]
+
+
+def _clock_faults(record: Record, steps: list[Slip]) -> list[ClockFault]:
+    mask = record.mask.copy()
+    for lost in find_dropouts(record):
+        mask[lost.start : lost.stop] = False
+    used = np.flatnonzero(mask)
+    places = np.searchsorted(used, [step.index for step in steps])
+    found = clock_faults(record.t[used], record.x[used], places.tolist())
+    used = np.append(used, used[-1] + 1)
+    return [fault._replace(index=int(used[fault.index])) for fault in found]
+
+
+def repair_clock(record: Record) -> Record:
+    """Shift samples to their right times, and remove repeated samples.
+
+    Examples:
+        >>> import numpy as np
+        >>> import fricjax as fj
+        >>> record = fj.read(fj.data.example_paths().run)
+        >>> lost = fj.Record(record.t[:-1], np.delete(record.x, 640))
+        >>> repaired = fj.data.repair_clock(lost)
+        >>> print(repaired.log[-1])
+        repair_clock(): the clock is wrong by 0.2 ms at 0.128 s; 0 repeated samples removed
+        >>> bool(np.allclose(repaired.t, np.delete(record.t, 640)))
+        True
+    """
+    faults = find_clock_faults(record)
+    shifts, kept = np.zeros(len(record)), np.ones(len(record), dtype=bool)
+    for fault in faults:
+        shifts[fault.index :][:1] = fault.shift
+        kept[fault.index - fault.repeats : fault.index] = False
+    trace = None
+    if faults:
+        sigma = record.sigma if record.sigma is None or record.sigma.ndim == 0 else record.sigma[kept]
+        t = record.t + np.cumsum(shifts)
+        trace = Trace(t[kept], record.x[kept], sigma, record.mask[kept])
+    effect = f"{_clock_words(record, faults)}; {_count(np.flatnonzero(~kept), 'repeated sample')} removed"
+    return record.with_step(Step("repair_clock", {}, effect), trace=trace)
+
+
 def repair(record: Record, words: str) -> Record:
     """Repair the faults named in a text such as `"dropouts,slips=158.2 nm"`.
+
+    The order of the words does not matter.
 
     Raises:
         UsageError: an unknown fault, or an empty text; see `faults_of`.
@@ -140,9 +218,11 @@ def repair(record: Record, words: str) -> Record:
         repair_slips(fringe=1.582e-07): 0 slips taken out
     """
     named = faults_of(words)
-    # Repair dropouts first: the step at the end of a dropout is not a slip.
+    # The step at the end of a dropout is not a slip, and neither is the step of a wrong clock.
     if "dropouts" in named:
         record = mask_dropouts(record)
+    if "clock" in named:
+        record = repair_clock(record)
     if "slips" in named:
         size = named["slips"]
         where = f"the fringe of {record.name or 'the record'}"
@@ -168,7 +248,11 @@ def reported_faults(record: Record, where: str = "") -> dict[str, str]:
             f"The record{where} repeats one value where the mass was elsewhere, at {spans}: its signal was lost or "
             "left the range. Read it with repair='dropouts'."
         )
-    slipped = find_slips(record) if record.quantity == "m" else []
+    steps = _steps(record, None)
+    clock = _clock_faults(record, steps)
+    if clock:
+        sentences["clock"] = f"In the record{where} {_clock_words(record, clock)}. Read it with repair='clock'."
+    slipped = _slips_among(steps, clock) if record.quantity == "m" else []
     if slipped:
         sentences["slips"] = (
             f"The record{where} steps between two samples as no decay can, by {_slip_words(record, slipped)}: "
@@ -181,5 +265,18 @@ def _slip_words(record: Record, faults: list[Slip]) -> str:
     return first_of(f"{engineering(slip.size, record.quantity)} at {record.t[slip.index]:.6g} s" for slip in faults)
 
 
-def _count(faults: list[Slip] | list[Dropout], word: str) -> str:
+def _clock_words(record: Record, faults: list[ClockFault]) -> str:
+    """Describe clock faults by their size, time and number."""
+    repeats = sum(fault.repeats for fault in faults)
+    wrong = first_of(
+        f"{engineering(fault.shift, 's')} at {record.t[fault.index]:.6g} s" for fault in faults if fault.shift
+    )
+    said = [f"the clock is wrong by {wrong}"] if wrong else []
+    # Samples that were written twice are part of a clock error; others come from a slow sensor.
+    if repeats and not wrong:
+        said.append(f"{repeats} samples repeat the previous value while the mass moves, as from a slow sensor")
+    return " and ".join(said) or "the clock is right"
+
+
+def _count(faults: Sized, word: str) -> str:
     return f"{len(faults)} {word}{'' if len(faults) == 1 else 's'}"

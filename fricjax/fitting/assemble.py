@@ -26,7 +26,7 @@ from .rest import CONTRADICTED, Bracket, bracket_static, excess_at_reversals, re
 from .result import Fit, named
 from .solve import Solution
 from .warnings import warnings_of_model, warnings_of_run
-from .window import NEVER
+from .window import NEVER, OF_RESIDUALS
 
 
 def assemble(weighted: NoiseWeighted, sigma_mode: str) -> Fit:
@@ -102,7 +102,7 @@ def _noise(problem: Problem, factor: float, sigma_mode: str) -> dict[str, Any]:
     `factor` scales the stated level.
     """
     stated = np.concatenate([w.sigma[w.used] for w in problem.windows])
-    source = "scatter of the residuals" if sigma_mode == "estimate" else problem.windows[0].sigma_source
+    source = OF_RESIDUALS if sigma_mode == "estimate" else problem.windows[0].sigma_source
     return {"sigma": float(np.median(stated) * factor), "sigma_mode": sigma_mode, "sigma_source": source}
 
 

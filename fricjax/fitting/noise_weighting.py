@@ -14,6 +14,7 @@ A record may leave its number of half-cycles uncertain. Each number has a separa
 mixture about the best optimum (Gelman et al., Bayesian Data Analysis, 2013, 7.6).
 """
 
+import dataclasses
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -26,7 +27,7 @@ from ..estimation.loss import Squares
 from ..estimation.small_sample import small_sample_covariance
 from .clock import fit_timing_jitter
 from .colours import colours_of, expected_size, least_squares, misfit_of, under_noise, variance_left, weighed_rows
-from .diagnostics import worst
+from .diagnostics import noise_level, worst
 from .evaluation import Block
 from .missing import (
     Discrepancy,
@@ -37,12 +38,12 @@ from .missing import (
     significant_force,
 )
 from .noise import Line, Noise, whiteness
-from .problem import Problem
+from .problem import Problem, with_windows
 from .responses import Responses
 from .rows import Rows, Seen, rounded, rows_of
 from .runs import IN_PHASE
-from .solve import Solution, checking, evaluate_at, half_cycles
-from .window import Window
+from .solve import Solution, checking, evaluate_at, half_cycles, solve
+from .window import ESTIMATED, OF_RESIDUALS, Window
 
 # Largest number of iterations, those that update the noise model, and the largest last step in standard errors. Most
 # fits need three; one that has not converged after five alternates between two noise models.
@@ -121,6 +122,9 @@ def weigh_by_noise(problem: Problem, solution: Solution, absolute: bool) -> Nois
         # A record made from the model with white noise needs no test.
         return ols
     rows = rows_of(problem, solution.evaluation)
+    quiet = _at_level_of_residuals(problem, solution, rows)
+    if quiet is not None:
+        return weigh_by_noise(*quiet, absolute)
     force_responses = [force_responses_of(problem, solution, run, row) for run, row in enumerate(rows)]
     discrepancies = [
         main_discrepancy(problem, solution, run, *each)
@@ -146,6 +150,32 @@ def weigh_by_noise(problem: Problem, solution: Solution, absolute: bool) -> Nois
         gain=gls.gain + jittered.gain,
         numbers=gls.numbers + 2 * sum(jitter is not None for jitter in jittered.jitters),
     )
+
+
+def _at_level_of_residuals(
+    problem: Problem, solution: Solution, rows: Sequence[Rows]
+) -> tuple[Problem, Solution] | None:
+    """Return the fit with a smaller noise if the residuals are far below the estimated one.
+
+    Neighbouring samples show the noise only if the motion between them is smooth. With few samples per half-cycle the
+    estimate is too large. Return None if no estimate is far too large.
+    """
+    windows, freedom = [], (problem.dof + solution.shape.step.size) / problem.dof
+    for window, row in zip(problem.windows, rows, strict=True):
+        variance = row.level * freedom
+        # The error of the computed motion is no noise.
+        measured = window.sigma_source == ESTIMATED and window.stated >= noise_level(window)
+        if measured and 0 < variance < 1 / thresholds.EXCESS:
+            share = float(np.sqrt(variance))
+            segmentation = dataclasses.replace(window.segmentation, noise=share * window.segmentation.noise)
+            window = dataclasses.replace(
+                window, sigma=share * window.sigma, sigma_source=OF_RESIDUALS, segmentation=segmentation
+            )
+        windows.append(window)
+    if all(after is before for after, before in zip(windows, problem.windows, strict=True)):
+        return None
+    problem = with_windows(problem, tuple(windows))
+    return problem, solve(problem, solution.y)
 
 
 def _largest_ratio(problem: Problem, rows: Sequence[Rows], absolute: bool) -> float:

@@ -11,6 +11,7 @@ from ..errors import DataError, UsageError
 from .settings import check_start, nuisances_of
 
 NEVER = 10**9
+ESTIMATED, OF_RESIDUALS = "estimated from the record", "scatter of the residuals"
 # Deflection at the end of a half-cycle over that at its start, below which the mass may creep to rest.
 _CROSSED = 0.16
 # Duration of a half-cycle over that of the one before, below which the mass oscillates on the contact, not the spring.
@@ -178,7 +179,7 @@ def _noise(trace: Trace, segmentation: Segmentation) -> tuple[np.ndarray, str]:
     if trace.sigma is not None:
         return np.broadcast_to(np.asarray(trace.sigma, float), trace.t.shape), "given"
     floor = max(segmentation.noise, 1e-12 * segmentation.amplitude)
-    return np.full(trace.t.shape, floor), "estimated from the record"
+    return np.full(trace.t.shape, floor), ESTIMATED
 
 
 def _repeated(t: np.ndarray, x: np.ndarray, fitted: np.ndarray, segmentation: Segmentation) -> np.ndarray:

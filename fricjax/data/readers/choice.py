@@ -7,7 +7,7 @@ from ...errors import UsageError, nearest
 from ..units import DISPLACEMENT, check_rate
 from .header import scale_of
 
-_FAULTS = ("dropouts", "slips")
+_FAULTS = ("dropouts", "clock", "slips")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -61,11 +61,12 @@ def faults_of(words: str) -> dict[str, str | None]:
         if name not in _FAULTS or (size and name != "slips"):
             raise UsageError(
                 f"There is no fault '{word[:40]}' to repair.{nearest(name, _FAULTS)} Write repair='dropouts', "
-                "repair='slips', or both with the size of a fringe, repair='dropouts,slips=158.2 nm'."
+                "repair='clock', repair='slips', or several with the size of a fringe: "
+                "repair='dropouts,slips=158.2 nm'."
             )
         named[name] = size or None
         if size:
             scale_of(None, size, DISPLACEMENT, "the fringe", "repair")
     if not named:
-        raise UsageError("repair= names no fault; write repair='dropouts', repair='slips' or both.")
+        raise UsageError("repair= names no fault; write repair='dropouts', repair='clock' or repair='slips'.")
     return named

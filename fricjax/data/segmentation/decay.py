@@ -22,6 +22,8 @@ from .reversals import order_for, refine, window
 from .swing import PreparedTrace, extremes, smooth, without_spikes, zigzag
 
 MINIMUM_PER_HALF_CYCLE = 8
+STANDS_OUT = 12.0  # span of a motion in standard deviations of the noise
+ALTERNATE = 0.9  # share of alternating moves, between the two thirds of white noise and the whole of turning points
 SHARES = (0.3, 0.1, 0.03, 0.01, 0.003)  # sizes of half-cycles to search for, relative to the span
 ALIKE = 4  # number of last reversals that predict the duration of the next half-cycle
 # Relative tolerance of the duration of a first half-cycle from rest; it then gives the start position within 1 %.
@@ -137,25 +139,33 @@ def segment(t: Any, x: Any, sigma: Any = None, mask: Any = None) -> Segmentation
         t, x = t[used], x[used]
     step = resolution(x)
     noise = white_noise(t, x, step) or (0.0 if sigma is None else float(np.median(np.asarray(sigma))))
-    span = float(np.ptp(x))
-    if span <= max(12.0 * noise, 2.5 * step, 1e-13 * float(max(x.max(), -x.min()))):
-        within = "exactly" if span == 0 else f"within its noise: it spans {span:.3g} at a noise of {noise:.3g}"
-        raise DataError(
-            f"x is constant ({within}, about {float(x.mean()):.6g}); a decay needs a motion: "
-            "check the column and the unit."
-        )
-    half_period, between = _half_period(t, x, noise, step), typical_interval(t)
+    between, span = typical_interval(t), float(np.ptp(x))
+    if span <= max(2.5 * step, 1e-13 * float(max(x.max(), -x.min()))):
+        within = "exactly" if span == 0 else f"within its resolution of {step:.3g}"
+        raise DataError(_constant(x, within))
+    _check_alternation(x)
+    fewest, coarse, noise_left = 1, x, noise
+    # Average until the motion stands out from white noise, which spans less than nine standard deviations.
+    while (seen := float(np.ptp(coarse[fewest // 2 : coarse.size - fewest // 2]))) <= STANDS_OUT * noise_left:
+        fewest = 2 * fewest + 1
+        if fewest > x.size // MINIMUM_PER_HALF_CYCLE:
+            raise DataError(_constant(x, f"within its noise: it spans {span:.3g} at a noise of {noise:.3g}"))
+        coarse, noise_left = smooth(t, x, fewest, between), noise / fewest**0.5
+    span = seen if fewest > 1 else span
+    half_period = _half_period(t, coarse, noise_left, step)
+    _check_gaps(t, half_period)
     per_half_cycle = half_period / between
     if per_half_cycle < MINIMUM_PER_HALF_CYCLE:
         raise DataError(
             f"The record has only about {per_half_cycle:.1f} samples per half-cycle, at least {MINIMUM_PER_HALF_CYCLE} "
             "are needed to find the reversals; sample faster."
         )
-    width = int(per_half_cycle // 16) | 1 if per_half_cycle >= 48 else 1
+    width = max(int(per_half_cycle // 16) | 1 if per_half_cycle >= 48 else 1, fewest)
     # Noise alone spans ten standard deviations in a long rest, and less after smoothing.
     visible = max(10.0 * noise / width**0.5, 2.0 * step, 1e-7 * span)
-    x = without_spikes(x, max(noise, step), int(per_half_cycle))
-    trace = PreparedTrace(t, x, smooth(x, width), noise, step, max(visible, 6.0 * noise), half_period, between)
+    x = without_spikes(t, x, max(noise, step), between, int(per_half_cycle))
+    smoothed = smooth(t, x, width, between)
+    trace = PreparedTrace(t, x, smoothed, noise, step, max(visible, 6.0 * noise), half_period, between)
     half_cycles = find_half_cycles(trace, visible)
     if half_cycles is None:
         raise DataError(f"x is constant within its noise ({noise:.3g}); a decay needs a motion: check the column.")
@@ -166,6 +176,36 @@ def segment(t: Any, x: Any, sigma: Any = None, mask: Any = None) -> Segmentation
     trace = dataclasses.replace(trace, noise=total, threshold=max(trace.threshold, slow))
     segmentation = _refined_segmentation(trace, half_cycles)
     return dataclasses.replace(segmentation, white_noise=noise, lines=lines, drift=drift)
+
+
+def _constant(x: np.ndarray, within: str) -> str:
+    return (
+        f"x is constant ({within}, about {float(x.mean()):.6g}); a decay needs a motion: check the column and the unit."
+    )
+
+
+def _check_alternation(x: np.ndarray) -> None:
+    """Refuse a record that holds its turning points only."""
+    moves = np.diff(x)
+    sizes = np.abs(moves)
+    # Neighbouring half-cycles are nearly as large; of white noise, one in three does not alternate.
+    alike = np.median(np.abs(np.diff(sizes)) / np.maximum(sizes[1:], np.finfo(float).tiny))
+    if x.size >= MINIMUM_PER_HALF_CYCLE and np.mean(moves[1:] * moves[:-1] < 0) > ALTERNATE and alike < 0.5:
+        raise DataError(
+            "x changes sides from sample to sample: the record holds its turning points only, or two samples per "
+            "cycle. A fit needs the motion between them: sample faster."
+        )
+
+
+def _check_gaps(t: np.ndarray, half_period: float) -> None:
+    """Refuse a gap that holds more half-cycles than the record has samples."""
+    last = int(np.argmax(np.diff(t)))
+    gap = float(t[last + 1] - t[last])
+    if gap > t.size * half_period:
+        raise DataError(
+            f"The clock jumps by {gap:.6g} s after {t[last]:.9g} s (sample {last + 1} of {t.size}): it was set, or a "
+            "time is wrong. Crop the record there, or number its samples with a rate."
+        )
 
 
 def _half_period(t: np.ndarray, x: np.ndarray, noise: float, step: float) -> float:
@@ -249,7 +289,7 @@ def _release_and_reversals(trace: PreparedTrace, half_cycles: HalfCycles) -> tup
     # Earlier oscillations come from a hand or from noise during the hold, because half-cycles of a free mass shrink.
     middle = int(np.mean(indices[:2])) + 1 if edges.size > 1 else trace.t.size
     # Smoothing hardly affects the first samples, and spikes are not detected there.
-    begin = max(min(int(0.03 * trace.half_period / trace.interval), middle - 2), 0)
+    begin = max(min(int(np.searchsorted(trace.t, trace.t[0] + 0.03 * trace.half_period)), middle - 2), 0)
     early = trace.smoothed[begin:middle]
     head = [begin + i for i in zigzag(early, extremes(early, trace.threshold), trace.threshold)[:-1]]
     head = head[-2:] or [int(indices[0])]
@@ -269,5 +309,10 @@ def _refined(trace: PreparedTrace, times: np.ndarray, release: float, end: float
     width = window(local, largest / 2, trace.noise, trace.interval)
     order = order_for(smallest, trace.noise)
     # Far from the reversal only the simplest curve is safe: higher powers of time add further minima.
-    windows = [(np.maximum(width, 0.25 * local), 2), (width, order)]
+    wide = np.maximum(width, 0.25 * local)
+    # A reversal within a gap follows from the rest of both half-cycles.
+    samples = np.diff(np.searchsorted(trace.t, [times - wide, times + wide]), axis=0)[0]
+    hidden = samples * trace.interval < wide
+    wide, width = (np.where(hidden, 0.75 * local, each) for each in (wide, width))
+    windows = [(wide, np.where(hidden, order, 2)), (width, order)]
     return refine(trace.t, trace.x, times, np.pi / local, windows)

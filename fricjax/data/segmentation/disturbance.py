@@ -64,10 +64,9 @@ def _moving(trace: PreparedTrace, edges: np.ndarray) -> float | None:
     places = first[:, None] + every[:, None] * np.arange(number)
     t, x = trace.t[places], trace.x[places]
     u = 2 * (t - t[:, :1]) / (t[:, -1:] - t[:, :1]) - 1
-    # With even spacing these polynomials are nearly orthogonal, so normal equations lose no relevant digit.
-    basis = np.polynomial.chebyshev.chebvander(u, ORDER)
+    basis = np.linalg.qr(np.polynomial.chebyshev.chebvander(u, ORDER))[0]
     residual = (x - x.mean(axis=1, keepdims=True))[:, :, None]
-    residual = residual - basis @ np.linalg.solve(basis.mT @ basis, basis.mT @ residual)
+    residual = residual - basis @ (basis.mT @ residual)
     return float(np.median(np.sum(residual**2, axis=(1, 2)))) / (number - ORDER - 1)
 
 

@@ -97,12 +97,36 @@ def _detect_large_half_cycles(trace: PreparedTrace, pivots: list[int]) -> np.nda
     # Near the smallest size some half-cycles are detected and others missed. Continue from the first missed one.
     missed = np.flatnonzero(np.diff(edges)[STEADY:] > 2 * np.diff(edges)[STEADY - 1 : -1])
     edges = edges[: STEADY + 1 + int(missed[0])] if missed.size else edges
-    gaps = t[:-1][np.diff(t) > 0.5 * trace.half_period]
-    hidden = np.searchsorted(edges, gaps)
+    edges = _moved_into_gaps(trace, edges)
+    gaps = np.flatnonzero(np.diff(t) > 0.5 * trace.half_period)
+    hidden = np.searchsorted(edges, t[gaps])
+    # Across a gap in a hold, the mass does not move.
+    held = np.abs(trace.smoothed[gaps + 1] - trace.smoothed[gaps]) < trace.threshold
+    hidden = hidden[(hidden > 1) | ~held]
     for i in np.unique(hidden[(hidden > 0) & (hidden < edges.size)])[::-1]:
         # Extremes alternate, so the number of missing ones is even.
         missing = 2 * round(float((edges[i] - edges[i - 1]) / trace.half_period - 1) / 2)
         edges = np.insert(edges, i, np.linspace(edges[i - 1], edges[i], missing + 2)[1:-1])
+    return edges
+
+
+def _moved_into_gaps(trace: PreparedTrace, edges: np.ndarray) -> np.ndarray:
+    """Move reversals at the edge of a gap to where the period predicts them.
+
+    The farthest sample lies at the edge if the reversal itself is missing.
+    """
+    t, half_period = trace.t, trace.half_period
+    gaps = np.flatnonzero(np.diff(t) > SOUGHT * half_period)
+    if not gaps.size or edges.size < 3:
+        return edges
+    ends, near = np.concatenate([t[gaps], t[gaps + 1]]), 0.5 * SOUGHT * half_period
+    hidden = np.min(np.abs(edges[:, None] - ends), axis=1) < near
+    edges = edges.copy()
+    for i in np.flatnonzero(hidden[1:]) + 1:
+        after = edges[i + 1] if i + 1 < edges.size else np.inf
+        by_next = after - half_period if i + 1 < edges.size and not hidden[i + 1] else -np.inf
+        predicted = by_next if by_next > edges[i - 1] else edges[i - 1] + half_period
+        edges[i] = predicted if predicted < after else edges[i]
     return edges
 
 
@@ -131,16 +155,16 @@ def _track_by_period(trace: PreparedTrace, edges: np.ndarray, side: float, perio
     Each is moved to its extreme; without an extreme nearby, as at rest, the prediction is kept.
     """
     t, x, times = trace.t, trace.smoothed, list(edges)
-    places, free_running = np.interp(edges, t, x).tolist(), False
+    places = np.interp(edges, t, x).tolist()
     while times[-1] + period <= t[-1]:
         at, side = times[-1] + period, -side
         # Below this size half-cycles cannot be tracked, and wiggles at rest must not shift the prediction.
-        free_running = free_running or abs(np.interp(at, t, x) - places[-1]) < TINY * abs(places[-1] - places[-2])
-        if not free_running:
-            at = _reversal(trace, at, period, side)
-        times.append(at)
-        places.append(float(np.interp(at, t, x)))
-    return np.array(times)
+        if abs(np.interp(at, t, x) - places[-1]) < TINY * abs(places[-1] - places[-2]):
+            break
+        times.append(_reversal(trace, at, period, side))
+        places.append(float(np.interp(times[-1], t, x)))
+    left = max(int((t[-1] - times[-1]) / period), 0)
+    return np.append(times, times[-1] + period * np.arange(1, left + 1))
 
 
 def _reversal(trace: PreparedTrace, at: float, period: float, side: float) -> float:
@@ -152,7 +176,8 @@ def _reversal(trace: PreparedTrace, at: float, period: float, side: float) -> fl
     near = slice(*np.searchsorted(t, [at - reach, at + reach]))
     every = (near.stop - near.start) // 128 + 1
     u, y = (t[near][::every] - at) / reach, x[near][::every]
-    if u.size < 5:
+    # Samples on one side only do not show an extreme.
+    if u.size < 5 or u[0] > -0.5 or (u[-1] < 0.5 and t[-1] > at + reach):
         return at
     y, square = y - y.mean(), u * u
     # Least squares fit of a parabola; the times are spread about evenly on both sides.
@@ -177,9 +202,12 @@ def _half_cycle_amplitudes(
     Returns its size, the standard error of the size for white noise, and the residual variance.
     """
     cell = int(trace.half_period / trace.interval) // PER_HALF_CYCLE + 1
-    length = trace.t.size // cell * cell
-    t, x = (values[:length].reshape(-1, cell).mean(axis=1) for values in (trace.t, trace.x))
-    places = np.searchsorted(t, edges)
+    t, x = trace.t, trace.x
+    if cell > 1:
+        cells = (t - (t[0] - 0.5 * trace.interval)) // (cell * trace.interval)
+        starts = np.append(0, 1 + np.flatnonzero(cells[1:] != cells[:-1]))
+        t, x = (np.add.reduceat(values, starts) / np.diff(starts, append=cells.size) for values in (t, x))
+    places, samples = np.searchsorted(t, edges), np.diff(np.searchsorted(trace.t, edges))
     count = np.diff(places).astype(float)
     used = slice(places[0], places[-1])
     number = np.repeat(np.arange(count.size), np.diff(places))
@@ -197,4 +225,4 @@ def _half_cycle_amplitudes(
     resolved = (count >= 4) & (square > 0.02 * count)
     size = np.where(resolved, product / np.where(resolved, square, 1.0), 0.0)
     misfit = np.maximum(sums(y * y) - size * product, 0.0) / n
-    return side * size, trace.noise / np.sqrt(stop.COSINE_VARIANCE * cell * n), misfit
+    return side * size, trace.noise / np.sqrt(stop.COSINE_VARIANCE * np.maximum(samples, 1)), misfit

@@ -8,6 +8,7 @@ import dataclasses
 
 import numpy as np
 
+PIECE = 1 << 16  # samples that are processed at once
 FEW = 256  # extremes that need no thinning; this bounds the Python loop of `zigzag`
 # Size of a spike in median deviations, fewest samples per half-cycle for the spike test, and largest share of spikes in
 # a record; a larger share is noise.
@@ -40,56 +41,67 @@ class PreparedTrace:
         return float(abs(self.smoothed[end] - self.smoothed[begin]))
 
 
-def without_spikes(x: np.ndarray, noise: float, stretch: int) -> np.ndarray:
+def without_spikes(t: np.ndarray, x: np.ndarray, noise: float, interval: float, stretch: int) -> np.ndarray:
     """Replace spikes by linear interpolation between their neighbours.
 
     Args:
+        t: times [s], shape `(n,)`.
         x: positions, shape `(n,)`.
         noise: lower bound of the standard deviation of a sample.
+        interval: typical time between samples [s].
         stretch: samples per half-cycle; a spike is compared with the median deviation in such a stretch.
     """
     if stretch < DENSE or x.size < 2 * stretch:
         return x
-    off = x[:-2] + x[2:]
-    off *= -0.5
-    off += x[1:-1]
-    np.abs(off, out=off)
+    # Deviation from the line through both neighbours, in pieces that bound the memory.
+    off = np.empty(x.size - 2)
+    for first in range(0, off.size, PIECE):
+        part = slice(first, min(first + PIECE, off.size) + 2)
+        steps, moves = np.diff(t[part]), np.diff(x[part])
+        off[first : first + PIECE] = np.abs(moves[:-1] * steps[1:] - moves[1:] * steps[:-1]) / (steps[:-1] + steps[1:])
     number = off.size // stretch
     usual = np.median(off[: number * stretch].reshape(number, stretch), axis=1)
     # A motion that starts or ends within a stretch is as curved as in the next stretch.
     usual = np.maximum(usual, np.maximum(np.append(usual[1:], 0.0), np.insert(usual[:-1], 0, 0.0)))
     bound = SPIKE * np.maximum(usual, noise)
     above = off[: number * stretch].reshape(number, stretch) > bound[:, None]
-    spikes = 1 + np.flatnonzero(np.append(above, off[number * stretch :] > bound[-1]))
+    spikes = np.flatnonzero(np.append(above, off[number * stretch :] > bound[-1]))
+    # The deviation of a curved motion grows with the product of both intervals.
+    curved = (t[spikes + 1] - t[spikes]) * (t[spikes + 2] - t[spikes + 1]) / interval**2
+    spikes = 1 + spikes[off[spikes] > SPIKE * usual[np.minimum(spikes // stretch, number - 1)] * curved]
     if not spikes.size or spikes.size > FEW_SPIKES * x.size:
         return x
     kept = np.ones(x.size, dtype=bool)
     kept[spikes] = False
-    places = np.arange(x.size)
-    return np.where(kept, x, np.interp(places, places[kept], x[kept]))
+    return np.where(kept, x, np.interp(t, t[kept], x[kept]))
 
 
-def smooth(x: np.ndarray, width: int) -> np.ndarray:
-    """Return the moving average over `width` samples (made odd).
+def smooth(t: np.ndarray, x: np.ndarray, width: int, interval: float) -> np.ndarray:
+    """Return the moving average over `width` typical intervals (made odd).
 
-    The window shrinks towards both ends. A median of three removes single outliers before.
+    The window shrinks towards both ends. A median of three removes single outliers before. An average belongs to the
+    mean time of its window, which lies off the middle near a gap.
     """
     if min(width, x.size) < 3:
         return x
-    half = min(width // 2, (x.size - 1) // 2)
-    sums, mean = np.zeros(x.size + 1), x.mean()
-    inner = sums[2:-1]
-    np.minimum(np.maximum(x[:-2], x[1:-1]), x[2:], out=inner)
-    np.maximum(np.minimum(x[:-2], x[1:-1]), inner, out=inner)
-    sums[1], sums[-1] = x[0], x[-1]
-    sums[1:] -= mean
-    np.cumsum(sums, out=sums)
-    smoothed = np.empty_like(x)
-    smoothed[half : x.size - half] = (sums[2 * half + 1 :] - sums[: -2 * half - 1]) / (2 * half + 1)
-    widths = 2 * np.arange(half) + 1
-    smoothed[:half] = sums[widths] / widths
-    smoothed[x.size - half :] = ((sums[-1] - sums[-1 - widths]) / widths)[::-1]
-    smoothed += mean
+    filtered, smoothed = x.copy(), np.empty_like(x)
+    np.minimum(np.maximum(x[:-2], x[1:-1]), x[2:], out=filtered[1:-1])
+    np.maximum(np.minimum(x[:-2], x[1:-1]), filtered[1:-1], out=filtered[1:-1])
+    longest = (width // 2 + 0.5) * interval
+    # Each piece includes one more sample on both sides, so that the averages can be interpolated.
+    for first in range(0, x.size, PIECE):
+        inner = slice(max(first - 1, 0), first + PIECE + 1)
+        ends = np.searchsorted(t, [t[inner][0] - longest, t[inner][-1] + longest])
+        near, at = t[slice(*ends)] - t[first], t[inner] - t[first]
+        reach = np.minimum(longest, np.minimum(t[inner] - t[0], t[-1] - t[inner]) + 0.5 * interval)
+        low, high = np.searchsorted(near, at - reach), np.searchsorted(near, at + reach)
+        values = filtered[slice(*ends)]
+        level = values.mean()
+        places, averages = (
+            (sums[high] - sums[low]) / (high - low)
+            for sums in (np.concatenate([[0.0], np.cumsum(each)]) for each in (near, values - level))
+        )
+        smoothed[first : first + PIECE] = level + np.interp(at[first - inner.start :][:PIECE], places, averages)
     return smoothed
 
 

@@ -289,7 +289,15 @@ def test_smoothing_is_a_moving_average_without_outliers():
     for width in (3, 7, 101):
         reach = [min(width // 2, i, 299 - i) for i in range(300)]
         exact = [clean[i - r : i + r + 1].mean() for i, r in enumerate(reach)]
-        assert smooth(x, width) == pytest.approx(exact, abs=1e-10)
+        assert smooth(np.arange(300) / 7, x, width, 1 / 7) == pytest.approx(exact, abs=1e-10)
+
+
+def test_smoothing_keeps_a_straight_line_with_gaps():
+    random = np.random.default_rng(0)
+    t = np.flatnonzero(random.random(2000) < 0.7) / 1000
+    t = t[(t < 0.8) | (t > 0.93)]
+    for width in (3, 31, 101):
+        assert smooth(t, 2 * t - 1, width, 1e-3) == pytest.approx(2 * t - 1, abs=1e-12)
 
 
 def turns(samples=20_000):
