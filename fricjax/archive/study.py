@@ -57,7 +57,7 @@ class Rule:
 
     Attributes:
         pattern: pattern of files relative to the folder of the study, such as "lab_b/**/*.csv".
-        reading: options of `fricjax.read`, and `crop` with the limits of the span to keep [s].
+        reading: options of `fricjax.read`.
         rig: the rig; None if there is no rig.
         rig_name: name of its file.
 

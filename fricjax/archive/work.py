@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..data import Record, crop, read
+from ..data import Record, read
 from ..data.files import gigabytes
 from ..errors import DataError, UsageError
 from ..fitting.batch import Row, collected, fit_rows
@@ -231,14 +231,11 @@ def _check_file(study: Study, job: Job) -> None:
 
 def _records(path: Path, rule: Rule) -> list[Record]:
     """Read the runs of a file with the options of a rule."""
-    options = {"run": "all", **rule.reading}
-    span = options.pop("crop", None)
     with warnings.catch_warnings():
         # The record and its row already contain the assumptions of the reader.
         warnings.simplefilter("ignore")
-        records = read(path, **options)
-    records = records if isinstance(records, list) else [records]
-    return records if span is None else [crop(record, *span) for record in records]
+        records = read(path, **{"run": "all", **rule.reading})
+    return records if isinstance(records, list) else [records]
 
 
 @one_at_a_time()

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NoReturn
 from typer import Argument, Exit, Option
 
 from ..errors import UsageError, first_of, nearest
-from ..machine import parsing
 from .failure import Interrupted
 from .fit import Fitting, settings_of
 from .options import Bench, Machine, Output, Reading
@@ -184,9 +183,7 @@ def _study(runs: list[Path], batch: Batch, fitting: Fitting, bench: Bench, readi
     from ..archive.driver import place_of
     from ..archive.study import Law, Rule, Study
 
-    options: dict[str, Any] = options_of(reading)
-    if reading.crop is not None:
-        options["crop"] = parsing.span("--crop", reading.crop)
+    options = options_of(reading)
     first = next(iter(choices.values()))
     name = "" if bench.rig is None else bench.rig.name
     root, files = place_of(runs[0] if len(runs) == 1 else runs)

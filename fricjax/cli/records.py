@@ -53,20 +53,21 @@ def check_records(paths: Sequence[Path], reading: Reading) -> None:
 def options_of(reading: Reading) -> dict[str, Any]:
     """Return the given options as arguments of `fricjax.read`."""
     options = {field.name: getattr(reading, field.name) for field in dataclasses.fields(reading)}
-    options = {name: value for name, value in options.items() if value is not None and name != "crop"}
+    options = {name: value for name, value in options.items() if value is not None}
+    if "crop" in options:
+        options["crop"] = parsing.span("--crop", options["crop"])
     if "cells" in options:
         options["cells"] = [int(parsing.number("--cells", word)) for word in parsing.words(options["cells"])]
     return options
 
 
 def read_records(paths: Sequence[Path], reading: Reading) -> list["Record"]:
-    """Read and crop the records of all files with the same options.
+    """Read the records of all files with the same options.
 
     Raises:
         DataError: a file or record that cannot be used.
         UsageError: options that do not fit the format, or lengths and angles in one fit.
     """
-    # Reading refuses a wrong column. Cropping imports JAX, which takes seconds: read all files first.
     from ..data import read
 
     records: list[Record] = []
@@ -77,11 +78,7 @@ def read_records(paths: Sequence[Path], reading: Reading) -> list["Record"]:
         raise UsageError(
             "One fit cannot join records in m with records in rad: give files of one quantity, or a --unit."
         )
-    if reading.crop is None:
-        return records
-    from ..data import crop
-
-    return [crop(record, *parsing.span("--crop", reading.crop)) for record in records]
+    return records
 
 
 def read_record(path: Path, reading: Reading) -> "Record":

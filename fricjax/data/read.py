@@ -38,8 +38,8 @@ READERS = {
 }
 # Options of all files and tables.
 _COMMON = tuple(field.name for field in dataclasses.fields(Choice))
-# Option that is applied to the record, for all sources.
-_REPAIR = "repair"
+# Options that are applied to the record, for all sources.
+_AFTER = ("crop", "repair")
 
 
 @overload
@@ -67,8 +67,10 @@ def read(source: Any, **options: Any) -> Any:
             - `rate`: samples per second, if there are no times
             - `sigma`: standard deviation of the noise, in the unit of the displacement
             - `sign`: -1 reverses the direction
-            - `repair`: instrument faults to detect and repair: "dropouts" masks the affected samples, "slips" removes
-              slips of a fringe counter, "slips=158.2 nm" with the fringe size; combine as "dropouts,slips"
+            - `crop`: first and last time to keep [s], such as (0.1, 2.0) or (None, 2.0)
+            - `repair`: instrument faults to detect and repair: "dropouts" masks the affected samples, "clock" shifts
+              samples to their right times and removes repeated ones, "slips" removes slips of a fringe counter,
+              "slips=158.2 nm" with the fringe size; combine as "dropouts,clock,slips"
 
             Text formats also take `delimiter`, `decimal`, `comment`, `skip_rows`, `header` and `encoding`; `.mat`
             files take `row` and `cells`. Arrays take all common options except the columns, and `t`, the times.
@@ -92,13 +94,21 @@ def read(source: Any, **options: Any) -> Any:
         5000.0
     """
     options = dict(options)
-    repairs = options.pop(_REPAIR, None)
+    span, repairs = (options.pop(name, None) for name in _AFTER)
     content = _content(source, options)
-    if repairs is None:
-        return content
-    from .repair import repair
 
-    return [repair(each, repairs) for each in content] if isinstance(content, list) else repair(content, repairs)
+    def changed(record: "Record") -> "Record":
+        if span is not None:
+            from .preprocess import crop
+
+            record = crop(record, *span)
+        if repairs is not None:
+            from .repair import repair
+
+            record = repair(record, repairs)
+        return record
+
+    return list(map(changed, content)) if isinstance(content, list) else changed(content)
 
 
 def _content(source: Any, options: dict[str, Any]) -> Any:
@@ -167,7 +177,7 @@ def _check_options(reader: "Callable[..., Any]", kind: str, options: Collection[
     common = _COMMON if "choice" in parameters else ()
     of_format = [name for name, parameter in parameters.items() if parameter.kind is parameter.KEYWORD_ONLY]
     known = [f"{name}=" for name in (*common, *of_format)]
-    known.append(f"{_REPAIR}=")
+    known += [f"{name}=" for name in _AFTER]
     for name in options:
         if f"{name}=" not in known:
             raise UsageError(

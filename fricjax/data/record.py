@@ -196,10 +196,9 @@ class Record(Reported):
         from .show import record_figure
 
         try:
-            segmentation, refusal = self.segmentation, ""
+            segmentation, title = self.segmentation, self.name
         except DataError as error:
-            segmentation, refusal = None, str(error)
-        title = ": ".join(filter(None, [self.name, refusal]))
+            segmentation, title = None, str(error)
         return styled(record_figure(self.trace, self.quantity, segmentation, title), style)
 
     def to_dataframe(self) -> Any:

@@ -1,7 +1,9 @@
 """Choices of columns, units and scales; refusals; warnings about assumed units."""
 
 import json
+from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 import scipy.io
@@ -87,11 +89,87 @@ def test_what_is_asked_back(tmp_path):
     check_rows(check, ASKED)
 
 
-def test_a_rate_in_the_preamble_is_offered(tmp_path):
+RATES = (
+    "# sampling rate: 2.5 kHz", "sample_rate: 2500", "ActualRate = 2500", "Sample rate (kHz);2.5", "# fs=2.5e3",
+    "Delta_X\t0.0004\nsampling interval: 0.0004",
+)  # fmt: skip
+
+
+def test_a_rate_in_the_file_gives_the_times(tmp_path):
+    def check(preamble):
+        path = tmp_path / "run.txt"
+        path.write_text(lines(preamble, "x", *(f"{x:.6f}" for x in MM)))
+        record = read(path)
+        assert record.rate == pytest.approx(2500.0)
+        assert "times from the rate of 2500 per second" in record.log[0].effect
+
+    check_rows(check, {name: (name,) for name in RATES})
+    np.savez(tmp_path / "run.npz", x=X, sample_rate=2500.0)
+    with h5py.File(tmp_path / "run.h5", "w") as file:
+        file["x"], file["ActualRate"] = X, 2500.0
+    scipy.io.savemat(tmp_path / "run.mat", {"x": X, "Fs": 2500.0})
+    for suffix in ("npz", "h5", "mat"):
+        assert read(tmp_path / f"run.{suffix}").rate == pytest.approx(2500.0)
+
+
+def test_seconds_are_preferred_to_times_of_day(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text(lines("Clock,Time_Elapsed(s),x", *(f"12:00:{i // 10:02},{i / 10},{i % 7}" for i in range(40))))
+    assert read(path).meta["columns"] == {"t": "Time_Elapsed", "x": "x"}
+
+
+def test_the_log_names_other_displacements(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text(lines("t,x,theta", *(f"{i},{i % 7},{i % 5}" for i in range(40))))
+    assert read(path).log[0].effect.endswith("not 'theta'")
+
+
+REFUSED = {
+    "a bare angular velocity": ("rate_gyro.csv", "names no unit and seems to be a velocity", "give its unit="),
+    "an angular velocity": ("rate_gyro_units.csv", "is a velocity (rad/s), which fricjax cannot fit yet", "column="),
+    "a filmed pendulum": ("tracker.txt", "lie on a circle of radius 0.418", "convert it to the angle"),
+    "another header": ("header_other_separator.csv", "several columns", "('Forzante', 'Pendolo')"),
+}
+
+
+def test_what_no_fit_can_use_is_refused_with_the_reason():
+    def check(name, *parts):
+        with pytest.raises(DataError) as caught:
+            read(Path(__file__).parent / "cases" / name)
+        assert all(part in str(caught.value) for part in parts)
+
+    check_rows(check, REFUSED)
+
+
+ACCELERATIONS = ("acceleration (g)", "acc_x", "ax [m/s^2]", "angular acceleration [rad/s^2]", "accelerometer [mg]")
+
+
+def test_accelerations_and_velocities_are_no_displacements(tmp_path):
+    path = tmp_path / "run.csv"
+    for kind, titles in (("an acceleration", ACCELERATIONS), ("a velocity", ("speed", "v [mm/s]", "gyro z (deg/s)"))):
+        for title in titles:
+            path.write_text(lines(f"t,{title}", *(f"{i},{i % 7}" for i in range(40))))
+            with pytest.raises(DataError, match=kind):
+                read(path)
+            path.write_text(lines(f"t,{title},position", *(f"{i},{i % 7},{i}" for i in range(40))))
+            assert read(path).meta["columns"]["x"] == "position"
+    path.write_text(lines("t,speed", *(f"{i},{i % 7}" for i in range(40))))
+    assert read(path, unit="mm").x[1] == 1e-3
+
+
+@pytest.mark.parametrize("rows", [[0], [1, 5], range(1, 41), range(41)])
+def test_delimiters_at_the_end_of_rows_mean_nothing(tmp_path, rows):
+    table = ["t\tx", *(f"{i}\t{i % 7}" for i in range(40))]
     path = tmp_path / "run.txt"
-    path.write_text(lines("# sampling rate: 2.5 kHz", *(f"{x:.6f}" for x in MM)))
-    with pytest.raises(DataError, match=r"give rate= \(samples per second; it says 2500 Hz\)"):
-        read(path)
+    path.write_text(lines(*(row + "\t" if i in rows else row for i, row in enumerate(table))))
+    assert read(path).x.tolist() == [i % 7 for i in range(40)] and read(path).meta["columns"] == {"t": "t", "x": "x"}
+
+
+def test_a_record_is_cropped_on_reading(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text(lines("t,x", *(f"{i},{i % 7}" for i in range(40))))
+    assert read(path, crop=(10, 20)).t.tolist() == list(range(10, 21))
+    assert read(path, crop=(None, 20)).trace.n == 21
 
 
 UNUSABLE = {

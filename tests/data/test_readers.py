@@ -140,7 +140,6 @@ BAD_TEXT = {
     "time repeats": ("0,1\n1,2\n1,3\n3,4\n", {}, "row 3: the time is not increasing (1.0 after 1.0)"),
     "runs below each other": ("t,x\n0,1\n1,2\n2,3\n0,1\n1,2\n", {}, "it starts again there, as if a second run"),
     "volts": ("Second,Volt\n0,1\n1,2\n2,3\n", {}, "'Volt' of run.csv is in Volt, which only a scale makes"),
-    "rate in the preamble": ("# unit: um\n# rate: 10000 Hz\n1\n2\n3\n4\n", {}, "it says 10000 Hz"),
     "too many fields": ("t,x\n0,1\n1,2\n2,3,4\n3,4\n", {}, "row 4: 3 fields, but 2 were expected"),
     "two samples": ("t,x\n0,1\n1,2\n", {}, "holds 2 usable samples in 'x', but a trace needs at least 3"),
     "no time": ("1\n2\n3\n4\n", {}, "has no time for 'column0'; give rate="),

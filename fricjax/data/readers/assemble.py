@@ -3,22 +3,26 @@
 Error messages name file, column and row.
 """
 
+import dataclasses
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ...errors import DataError
+from ...errors import DataError, quoted
 from ..record import Record, Step
 from ..units import DISPLACEMENT, TIME
 from .choice import Choice
-from .choose import choose
-from .header import scale_of
+from .choose import Pair, choose, rivals, stated_rate
+from .header import rate_of_change, scale_of
 from .sheet import Column, Sheet
 
 if TYPE_CHECKING:
     from ..trace import Trace
+
+# Scatter about a circle, relative to that about a straight line, below which two coordinates lie on a circle.
+_ON_CIRCLE = 0.2
 
 
 def records_of(path: Path, kind: str, sheet: Sheet, choice: Choice, **of_format: Any) -> Record | list[Record]:
@@ -35,14 +39,48 @@ def records_of(path: Path, kind: str, sheet: Sheet, choice: Choice, **of_format:
         DataError: see `choose` and `assemble`.
     """
     pairs = choose(sheet, choice, path.name)
+    if choice.column is None:
+        for pair in pairs:
+            _check_circle(sheet, pair, path)
     wanted = list(dict.fromkeys(column for pair in pairs for column in pair if column is not None))
     loaded = (np.asarray(numbers, dtype=np.float64).ravel() for numbers in sheet.load(wanted))
     values = dict(zip(wanted, loaded, strict=True))
-    records = []
+    records, named = [], choice.column is not None
     for x, time in pairs:
         samples = Samples(x, values[x], time, None if time is None else values[time], sheet.place)
-        records.append(assemble(path, kind, samples, choice, **of_format))
+        known = dataclasses.replace(choice, rate=stated_rate(sheet)) if time is None and choice.rate is None else choice
+        record = assemble(path, kind, samples, known, **of_format)
+        others = [] if named else [column.name for column in rivals(sheet, x)]
+        if others:
+            first = dataclasses.replace(record.log[0], effect=f"{record.log[0].effect}, not {quoted(others)}")
+            record = Record(record.trace, record.meta, (first, *record.log[1:]))
+        records.append(record)
     return records if choice.all_runs else records[0]
+
+
+def _check_circle(sheet: Sheet, pair: Pair, path: Path) -> None:
+    """Refuse columns x and y on a circle, as of a pendulum in a video."""
+    across = [c for c in sheet.columns if c.name.lower() == "y" and c.run == pair.x.run and c.fault is None]
+    if pair.x.name.lower() != "x" or not across:
+        return
+    x, y = (np.asarray(each, dtype=np.float64).ravel() for each in sheet.load([pair.x, across[0]]))
+    used = np.isfinite(x) & np.isfinite(y) if x.size == y.size else np.zeros(0, bool)
+    if np.count_nonzero(used) < 10 or np.ptp(x[used]) == 0 or np.ptp(y[used]) == 0:
+        return
+    x, y = x[used] - x[used].mean(), y[used] - y[used].mean()
+    # Circle by linear least squares (Kasa, 1976): x^2 + y^2 = 2 a x + 2 b y + c.
+    basis = np.stack([x, y, np.ones(x.size)], axis=1)
+    (a, b, c), *_ = np.linalg.lstsq(basis, x**2 + y**2)
+    radius = float(np.sqrt(c + (a**2 + b**2) / 4))
+    off = np.std(np.hypot(x - a / 2, y - b / 2) - radius)
+    straight = np.std(y - x * (x @ y) / (x @ x))
+    # A mass on a spring moves on a straight line, which a circle of any size fits no better.
+    if np.isfinite(radius) and off < _ON_CIRCLE * straight:
+        raise DataError(
+            f"'x' and 'y' of {path.name} lie on a circle of radius {radius:.4g}, as of a filmed pendulum. "
+            "x = L sin(theta) is no displacement that fricjax can fit: convert it to the angle, or give column='x' to "
+            "fit it as it is."
+        )
 
 
 class Samples(NamedTuple):
@@ -77,6 +115,7 @@ def assemble(path: Path, kind: str, samples: Samples, choice: Choice, **of_forma
     samples = _without_blank_rows(samples)
     x, values, time = samples.x, samples.values, samples.time
     where = f"the displacement '{x.name}' of {path.name}"
+    _refuse_rates_of_change(path, x, choice)
     scale, quantity = scale_of(x.unit, choice.unit, DISPLACEMENT, where, "unit")
     t, time_unit = _times(path, samples, choice)
     used = np.count_nonzero(np.isfinite(values))
@@ -102,6 +141,23 @@ def assemble(path: Path, kind: str, samples: Samples, choice: Choice, **of_forma
     }
     read = Step("read", _plain({**vars(choice), **of_format}), _effect(trace, x, unit, quantity, choice))
     return Record(trace, meta, (read,))
+
+
+def _refuse_rates_of_change(path: Path, x: Column, choice: Choice) -> None:
+    unit = x.unit or choice.unit
+    quantity = rate_of_change(x.name, unit)
+    if quantity is None:
+        return
+    one = "a velocity" if quantity == "velocity" else "an acceleration"
+    if unit:
+        raise DataError(
+            f"'{x.name}' of {path.name} is {one} ({unit}), which fricjax cannot fit yet. Choose a displacement or an "
+            "angle with column=, or export one."
+        )
+    raise DataError(
+        f"'{x.name}' of {path.name} names no unit and seems to be {one}, which fricjax cannot fit yet. If it is a "
+        "displacement or an angle, give its unit=."
+    )
 
 
 def with_choice(record: Record, choice: Choice) -> Record:

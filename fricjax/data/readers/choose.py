@@ -10,8 +10,8 @@ import numpy as np
 from ...errors import DataError, UsageError, nearest, quoted
 from ...show import Table
 from .choice import Choice
-from .header import TIME_WORDS, UNSCALED, first_word, measures
-from .sheet import Column, Sheet, folder_of
+from .header import TIME_WORDS, UNSCALED, first_word, measures, names_rate, rate_of_change
+from .sheet import SINGLE, Column, Sheet, folder_of
 
 # Names that identify the displacement even if other columns could be one.
 _PLAINEST = ("x", "displacement")
@@ -60,6 +60,24 @@ def choose(sheet: Sheet, choice: Choice, source: str) -> list[Pair]:
     elif choice.run is not None and not choice.all_runs:
         runs = [_run(choice.run, sheet.runs, source)]
     return [_pair(sheet, run, choice, source) for run in runs or [None]]
+
+
+def stated_rate(sheet: Sheet) -> float | None:
+    """Return the sample rate that a file states [Hz], None if there is none."""
+    single = [column for column in sheet.columns if column.fault == SINGLE and names_rate(column.name)]
+    if sheet.rate is not None or not single:
+        return sheet.rate
+    rate = float(np.ravel(sheet.load(single[:1])[0])[0])
+    return rate if np.isfinite(rate) and rate > 0 else None
+
+
+def rivals(sheet: Sheet, x: Column) -> list[Column]:
+    """Return the other columns with the name of a displacement in the run of `x`."""
+    return [
+        column
+        for column in sheet.columns
+        if column is not x and column.run == x.run and column.fault is None and not column.bare and _is_usual(column)
+    ]
 
 
 def locate(wanted: str | int, columns: Sequence[Column], source: str, option: str) -> Column:
@@ -186,7 +204,7 @@ def _pair(sheet: Sheet, run: str | None, choice: Choice, source: str) -> Pair:
         x = _displacement([column for column in columns if column is not named_time], choice, source)
     if x.fault is not None:
         raise DataError(f"'{x.shown}' in {source} {x.fault}, so it is no displacement; name another with column=.")
-    time = None if choice.rate is not None else named_time or x.time or _time(columns, x, source, sheet.advice)
+    time = None if choice.rate is not None else named_time or x.time or _time(columns, x, source, stated_rate(sheet))
     if time is not None and time.fault is not None:
         raise DataError(
             f"'{time.shown}' in {source} {time.fault}, so it is no time; name another with time=, or give rate=."
@@ -194,10 +212,11 @@ def _pair(sheet: Sheet, run: str | None, choice: Choice, source: str) -> Pair:
     return Pair(x, time)
 
 
-def _time(columns: Sequence[Column], x: Column, source: str, advice: str) -> Column:
-    """Select the time that belongs to x.
+def _time(columns: Sequence[Column], x: Column, source: str, rate: float | None) -> Column | None:
+    """Select the time that belongs to x, None if the file states a rate instead.
 
-    A time of the same run and folder is preferred to a time of the file. Without names, the first column is the time.
+    A time of the same run and folder is preferred to a time of the file, and a number of seconds to a time of day.
+    Without names, the first column is the time.
     """
     usable = [column for column in columns if column is not x and column.fault is None]
     times = [column for column in usable if column.is_time]
@@ -206,14 +225,16 @@ def _time(columns: Sequence[Column], x: Column, source: str, advice: str) -> Col
     for among in (near, [column for column in times if column.run == x.run], times):
         if among:
             # Prefer a title that is just a name of a time, then one with a unit of time.
-            return min(among, key=lambda column: (column.last.lower() not in TIME_WORDS, measures(column.unit) != "s"))
+            rank = lambda column: (column.clock, column.last.lower() not in TIME_WORDS, measures(column.unit) != "s")
+            return min(among, key=rank)
     if usable and all(column.bare for column in columns) and columns.index(usable[0]) < columns.index(x):
         return usable[0]
+    if rate is not None:
+        return None
     others = f"; its columns are {quoted(_labels(columns))}" if len(columns) > 1 else ""
     scale = f", and a scale for its {x.unit}, as unit='12.5 mm/{x.unit}'" if (x.unit or "").lower() in UNSCALED else ""
     raise DataError(
-        f"{source} has no time for '{x.name}'{others}; give rate= (samples per second{advice}) or time= (a column)"
-        f"{scale}."
+        f"{source} has no time for '{x.name}'{others}; give rate= (samples per second) or time= (a column){scale}."
     )
 
 
@@ -229,6 +250,7 @@ def _displacement(columns: Sequence[Column], choice: Choice, source: str) -> Col
         for column in columns
         if not column.is_time and (column in usable if bare else column.bare or not counts_rows(column))
     ]
+    candidates = [column for column in candidates if rate_of_change(column.last, column.unit) is None] or candidates
     if not candidates:
         names = quoted(_labels(columns))
         raise DataError(f"{source} holds no displacement, only {names or 'no columns'}; name one with column=.")

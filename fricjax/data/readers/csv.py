@@ -80,7 +80,7 @@ class TextTable:
         columns = [self._column(i) for i in range(len(layout.titles))]
         if not self._is_stacked():
             place = lambda i: f"row {next(itertools.islice(self._numbered_lines(), i, None))[0]}"
-            return Sheet(columns, self._load, place, layout.advice)
+            return Sheet(columns, self._load, place, layout.rate)
         blocks = self._blocks()
         runs = range(len(blocks))
         stacked = [dataclasses.replace(c, run=f"Run {i + 1}", key=(c.key, i)) for i in runs for c in columns]
@@ -88,7 +88,7 @@ class TextTable:
         def load(wanted: Sequence[Column]) -> list[np.ndarray]:
             return [self._parsed_lines(blocks[run], [i])[i] for i, run in (column.key for column in wanted)]
 
-        return Sheet(stacked, load, advice=layout.advice)
+        return Sheet(stacked, load, rate=layout.rate)
 
     def has_rows(self, count: int) -> bool:
         """Return True if the table has `count` rows of numbers."""
@@ -102,7 +102,8 @@ class TextTable:
         if kind == WATCH and not is_time(title.name, unit):
             unit = "s"
         fault = {WORD: "holds words", BLANK: "is empty"}.get(kind)
-        return Column(title.name, unit, title.run, layout.texts[i], None, fault, not layout.texts[i], key=i)
+        clock = kind == WATCH
+        return Column(title.name, unit, title.run, layout.texts[i], None, fault, not layout.texts[i], clock, key=i)
 
     def _unit_beside(self, i: int) -> str | None:
         """Return the unit that the next column repeats in each row."""
@@ -210,7 +211,9 @@ class TextTable:
         """
         beyond = fields[len(self.layout.titles) :]
         comment = self.layout.kinds[-1] in (WORD, BLANK)
-        return bool(beyond) and not (comment and all(kind_of(field, ".") != NUMBER for field in beyond))
+        return any(field.strip() for field in beyond) and not (
+            comment and all(kind_of(field, ".") != NUMBER for field in beyond)
+        )
 
     def _is_stacked(self) -> bool:
         """Return True if the line of titles is repeated below the data."""

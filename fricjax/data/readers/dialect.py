@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from ...errors import DataError, UsageError, brief
 from .fields import BLANK, NUMBER, WATCH, WORD, kind_of, split, thousands_in
 from .header import Title
-from .titles import advice_of, numbered, titles_of, with_stated_units
+from .titles import numbered, stated_rate, titles_of, with_stated_units
 
 COMMENTS = ("#", "%", "!", "//")
 DELIMITERS = ("\t", ";", "|", ",", " ")
@@ -62,7 +62,7 @@ class Layout:
     - `kinds`: the kinds of the columns: "number", "clock" (times of day), "word" or "blank".
     - `title_line`: the line of titles, None if there is none outside of comments.
     - `thousands`: the thousands separator, None without one.
-    - `advice`: note on a sample rate in the lines above the data, for a message.
+    - `rate`: sample rate in the lines above the data [Hz], None if there is none.
     """
 
     delimiter: str
@@ -73,7 +73,7 @@ class Layout:
     kinds: list[str]
     title_line: str | None = None
     thousands: str | None = None
-    advice: str = ""
+    rate: float | None = None
 
     @property
     def names(self) -> list[str]:
@@ -100,6 +100,8 @@ def sniff(lines: Sequence[str], dialect: Dialect, source: str) -> Layout:
     rows = {i: split(lines[i], delimiter) for i in content[: 2 * SNIFFED_LINES]}
     kinds = {i: [kind_of(field, decimal) for field in row] for i, row in rows.items()}
     width = _width(list(kinds.values()))
+    # Some rows may end with a delimiter.
+    kinds = {i: row[:width] if set(row[width:]) == {BLANK} else row for i, row in kinds.items()}
     if width > WIDEST:
         raise DataError(f"{source} has rows of {width} fields, but at most {WIDEST} are read; check the delimiter.")
     first, pure, columns = _body(kinds, width)
@@ -122,7 +124,7 @@ def sniff(lines: Sequence[str], dialect: Dialect, source: str) -> Layout:
         columns,
         titles.line,
         next((mark for mark in marks if mark), None),
-        advice_of(above),
+        stated_rate(above),
     )
 
 

@@ -13,6 +13,7 @@ from ..native import COLUMNS, MARK, check_schema, decode
 from ..record import Record
 from .assemble import records_of, with_choice
 from .choice import Choice
+from .header import names_rate
 from .nodes import Tree, opened
 from .sheet import Column, Sheet, array_columns, signal
 
@@ -54,7 +55,7 @@ def _sheet(tree: Tree) -> Sheet:
 
     If several groups hold a separate time, each group is a run.
     """
-    nodes = {path: node for path, node in tree.data_sets().items() if node.ndim}
+    nodes = {path: node for path, node in tree.data_sets().items() if node.ndim or names_rate(path)}
     columns = {path: _columns(tree, path, node) for path, node in nodes.items()}
     timed = dict.fromkeys(_folder(path) for path, parts in columns.items() if parts[0].is_time)
     runs = {folder: folder.strip("/") or "/" for folder in timed} if len(timed) > 1 else {}

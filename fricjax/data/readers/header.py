@@ -20,6 +20,15 @@ TIME_WORDS = frozenset((
     "t", "time", "times", "timestamp", "timestamps", "zeit", "temps", "tiempo", "tempo", "sec", "secs", "second",
     "seconds", "millis", "micros", "elapsed", "clock", "uhrzeit", "x_value",
 ))  # fmt: skip
+_RATES = frozenset((
+    "rate", "fs", "samplerate", "samplingrate", "actualrate", "scanrate", "samplingfrequency", "samplefrequency",
+))  # fmt: skip
+_VELOCITIES = frozenset((
+    "velocity", "speed", "vel", "omega", "gyro", "gyroscope", "rotationrate", "geschwindigkeit", "vitesse", "velocità",
+))  # fmt: skip
+_ACCELERATIONS = frozenset((
+    "acceleration", "accel", "acc", "accelerometer", "beschleunigung", "accélération", "accelerazione",
+))  # fmt: skip
 _RUN = re.compile(
     r"[\s_,;(]*(?<![A-Za-z])(?P<word>run|trial|data ?set|shot|messung|lauf|versuch|essai)"
     r"[\s_]*#?[\s_]*(?P<number>\d+)\)?[\s_:]*",
@@ -80,6 +89,29 @@ def is_time(name: str, unit: str | None) -> bool:
     kind = measures(unit)
     named = name.lower() in TIME_WORDS or not TIME_WORDS.isdisjoint(_words(name))
     return kind == "s" or (named and (kind is None or unit in ("", None)))
+
+
+def names_rate(name: str) -> bool:
+    """Return True for the name of a sample rate, such as "ActualRate"."""
+    last = re.split(r"[/.]", name)[-1]
+    return re.sub(r"[^a-z]", "", last.lower()) in _RATES
+
+
+def rate_of_change(name: str, unit: str | None) -> str | None:
+    """Return "velocity" or "acceleration" if name or unit are those of one.
+
+    A column with a unit is judged by its unit only.
+    """
+    if unit is not None and unit.strip():
+        if unit.strip() in ("g", "mg") and not _ACCELERATIONS.isdisjoint(_words(name)):
+            return "acceleration"
+        symbol = measures(unit) or ""
+        powers = [symbol == f"{quantity} s^{power}" for power in (-1, -2) for quantity in ("m", "rad")]
+        return "velocity" if any(powers[:2]) else "acceleration" if any(powers[2:]) else None
+    words = _words(name)
+    if not _ACCELERATIONS.isdisjoint(words):
+        return "acceleration"
+    return None if _VELOCITIES.isdisjoint(words) else "velocity"
 
 
 def first_word(name: str) -> str:

@@ -12,7 +12,7 @@ from ...errors import DataError, UsageError, nearest, quoted
 from ..record import Record
 from .assemble import records_of
 from .choice import Choice
-from .header import Title, split_title
+from .header import Title, names_rate, split_title
 from .mat5 import Opaque
 from .matlab import load_tree
 from .sheet import Column, Sheet, array_columns, folder_of, signal
@@ -87,7 +87,7 @@ def _walk(name: str, node: Any) -> Iterator[Column]:
         numbers = bool(node) and all(isinstance(cell, np.ndarray) and cell.dtype.kind in "fiu" for cell in node)
         yield Column(name, title=name, fault=None if numbers else "holds cells that are no numbers", key=(name, None))
     elif isinstance(node, np.ndarray):
-        if node.size != 1:
+        if node.size != 1 or names_rate(name):
             folder = f"{folder_of(name)}." if folder_of(name) else ""
             yield from array_columns(name.removeprefix(folder), node.dtype, node.shape, name, folder=folder)
     else:

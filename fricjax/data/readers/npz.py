@@ -20,6 +20,7 @@ from ..native import MARK, check_schema, decode
 from ..record import Record
 from .assemble import records_of, with_choice
 from .choice import Choice
+from .header import names_rate
 from .sheet import Column, Sheet, array_columns, signal
 
 
@@ -33,7 +34,7 @@ def read_npz(path: Path, choice: Choice) -> Record | list[Record]:
         check_schema(arrays[MARK], path.name)
         texts = {name: str(arrays.get(name, "")) for name in ("meta", "log")}
         return with_choice(decode(arrays, texts, path.name), choice)
-    vectors = {name: array for name, array in arrays.items() if array.ndim and name != "mask"}
+    vectors = {name: array for name, array in arrays.items() if (array.ndim or names_rate(name)) and name != "mask"}
     if not vectors:
         raise DataError(f"{path.name} holds no arrays of numbers (only {quoted(list(arrays)) or 'nothing'}).")
     columns = [part for name, array in vectors.items() for part in array_columns(name, array.dtype, array.shape, name)]

@@ -4,6 +4,7 @@ Each reader describes its file as a `Sheet`; `choose` selects displacement and t
 """
 
 import dataclasses
+import math
 import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -13,6 +14,7 @@ import numpy as np
 
 from .header import is_time, split_title
 
+SINGLE = "is a single number"
 WIDEST = 16  # a matrix with more columns is a picture or a table of runs, not a trace with its time
 
 
@@ -29,6 +31,7 @@ class Column:
     - `time`: the column with its times, if the format defines it (a dimension scale, Simulink's structure).
     - `fault`: why it cannot be a displacement or a time ("holds text"); None for numbers.
     - `bare`: True if the name is only its number, because the file names no columns.
+    - `clock`: True for times of day.
     - `key`: identifier of the column for the reader.
     """
 
@@ -39,6 +42,7 @@ class Column:
     time: "Column | None" = None
     fault: str | None = None
     bare: bool = False
+    clock: bool = False
     key: Any = None
 
     @property
@@ -70,15 +74,15 @@ class Sheet:
     """The columns of a file, with a function that loads their numbers.
 
     `load` returns the numbers of the given columns, each of shape (samples,). `place(i)` describes the position of
-    sample i of a column in the file ("row 17"). `advice` is appended to the message about missing times ("its header
-    says 1000 Hz"). `of` is the format's name for a column that may hold any type of data ("channel"), for the message
+    sample i of a column in the file ("row 17"). `rate` is the sample rate in the text above the columns [Hz]. `of` is
+    the format's name for a column that may hold any type of data ("channel"), for the message
     about a file without numbers.
     """
 
     columns: Sequence[Column]
     load: Callable[[Sequence[Column]], list[np.ndarray]]
     place: Callable[[int], str] = lambda i: f"sample {i + 1}"
-    advice: str = ""
+    rate: float | None = None
     of: str = ""
 
     @property
@@ -126,6 +130,8 @@ def _fault(dtype: np.dtype, shape: tuple[int, ...]) -> str | None:
         return {"c": "holds complex numbers", "U": "holds text", "S": "holds text"}.get(dtype.kind, "holds no numbers")
     if 0 in shape:
         return "is empty"
+    if math.prod(shape) == 1:
+        return SINGLE
     return None if sum(length != 1 for length in shape) == 1 else f"has shape {shape}"
 
 

@@ -14,6 +14,12 @@ _RATE = re.compile(
     r"(?:(?:sampl|scan|acquisition|abtast)\w*[ _]?(?:rate|freq\w*)?|\brate)[^\d\n]{0,20}?(\d+(?:\.\d+)?)\s*(k?)Hz",
     re.IGNORECASE,
 )
+# Names that need no unit behind the number: `ActualRate = 5000`, `Sample rate (Hz);1000`.
+_NAMED_RATE = re.compile(
+    r"(?:(?:actual|sampl\w+|scan|acquisition|abtast)[ _]?(?:rate|freq\w*)|\bfs)(?:[ _]*[\[(](k?)Hz[\])])?"
+    r"[ \t\"']*[:=;,\t][ \t\"']*(\d+(?:\.\d+)?(?:[eE][-+]?\d+)?)(?![\d.]*[ \t]*[a-zA-Z])",
+    re.IGNORECASE,
+)
 _INTERVAL = re.compile(
     r"(?:delta_?x|sampl\w+ (?:interval|period))[^\d\n]{0,20}?(\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?)", re.IGNORECASE
 )
@@ -97,17 +103,16 @@ def with_stated_units(titles: Titles, preamble: Sequence[str], kinds: list[str])
     return [title._replace(unit=title.unit or stated.get(i)) for i, title in enumerate(titles.titles)]
 
 
-def advice_of(preamble: Sequence[str]) -> str:
-    """Return a note on the rate in a preamble, for a message.
-
-    It is empty if there is no rate.
-    """
+def stated_rate(preamble: Sequence[str]) -> float | None:
+    """Return the sample rate [Hz] in a preamble, None if there is none."""
     text = "\n".join(preamble)[-_PREAMBLE:]
-    rate, interval = _RATE.search(text), _INTERVAL.search(text)
+    rate, named, interval = _RATE.search(text), _NAMED_RATE.search(text), _INTERVAL.search(text)
     if rate is not None:
-        return f"; it says {float(rate[1]) * (1e3 if rate[2] else 1):g} Hz"
+        return float(rate[1]) * (1e3 if rate[2] else 1) or None
+    if named is not None:
+        return float(named[2]) * (1e3 if named[1] else 1) or None
     step = 0.0 if interval is None else number(interval[1].replace(",", "."), ".") or 0.0
-    return f"; it says {1.0 / step:g} Hz" if step > 0 else ""
+    return 1.0 / step if step > 0 else None
 
 
 def _fields(line: str, kinds: list[str], delimiter: str) -> list[str] | None:
@@ -121,12 +126,14 @@ def _fields(line: str, kinds: list[str], delimiter: str) -> list[str] | None:
         joined = split(re.sub(r"\s+([\[(])", r"_\1", line.strip()), delimiter)
         joined = [field.replace("_[", " [").replace("_(", " (") for field in joined]
         wide = [field for field in re.split(r"\s{2,}", line.strip()) if field]
-        others = (split(line, other) for other in "\t;|,")
-        fields = next((option for option in (joined, wide, *others) if len(option) == width), fields)
+        fields = next((option for option in (joined, wide) if len(option) == width), fields)
     elif len(fields) != width and len(fields) > 1:
         # Delimiters at the end of this line or of the rows add empty fields.
         spare = all(kind == BLANK for kind in kinds[len(fields) :])
         fields = [*fields[:width], *([""] * (width - len(fields)) if spare else [])]
+    if len(fields) != width:
+        # Some programs separate the titles by another mark than the numbers.
+        fields = next((other for mark in "\t;|," if len(other := split(line, mark)) == width), fields)
     several = width == 1 and re.search(r"[,;|\t]", line) is not None
     words = [kind_of(field, ".") for field in fields]
     if len(fields) != width or several or WORD not in words:

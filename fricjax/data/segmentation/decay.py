@@ -311,8 +311,9 @@ def _refined(trace: PreparedTrace, times: np.ndarray, release: float, end: float
     # Far from the reversal only the simplest curve is safe: higher powers of time add further minima.
     wide = np.maximum(width, 0.25 * local)
     # A reversal within a gap follows from the rest of both half-cycles.
-    samples = np.diff(np.searchsorted(trace.t, [times - wide, times + wide]), axis=0)[0]
-    hidden = samples * trace.interval < wide
+    gaps = np.flatnonzero(np.diff(trace.t) > max(0.5 * float(wide.min()), 4 * trace.interval))
+    covered = np.clip(trace.t[[gaps, gaps + 1]], (times - wide)[:, None, None], (times + wide)[:, None, None])
+    hidden = np.max(np.diff(covered, axis=1)[:, 0], axis=1, initial=0.0) > 0.5 * wide
     wide, width = (np.where(hidden, 0.75 * local, each) for each in (wide, width))
     windows = [(wide, np.where(hidden, order, 2)), (width, order)]
     return refine(trace.t, trace.x, times, np.pi / local, windows)
