@@ -146,7 +146,8 @@ class Archive(Reported):
             UsageError: invalid SQL, or DuckDB is not installed.
         """
         duckdb = needed("A query", "duckdb", "batch")
-        shut = {"enable_external_access": "false", "lock_configuration": "true"}
+        # DuckDB allows access to its temporary folder even then, so it gets none.
+        shut = {"enable_external_access": "false", "temp_directory": "", "lock_configuration": "true"}
         with contextlib.closing(duckdb.connect(":memory:", config=shut)) as connection:
             try:
                 connection.register("runs", self.table)

@@ -5,11 +5,12 @@ Each chunk of files is written as soon as it is done.
 
 import contextlib
 import os
+import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..errors import UsageError, nearest
+from ..errors import UsageError, first_of, nearest
 from ..show.working import working
 from .archive import Archive, open_archive
 from .plan import Plan, plan
@@ -166,13 +167,25 @@ def process(
         store.begin(study)
         records = store.records()
         planned = plan(study, records, shard=shard, retry=retry, store=store.path)
+        if planned.links:
+            warnings.warn(
+                f"Links to folders are not followed: {first_of(planned.links)}. Give the folders themselves to fit "
+                "their runs.",
+                stacklevel=2,
+            )
         try:
             _relabel(study, store, planned)
             _do(study, store, planned, execute, tell)
-        finally:
+        except BaseException:
             # Also on a full disk: then only the table cannot be written, and no part is lost.
             with contextlib.suppress(OSError):
                 store.write_table(study.root)
+            raise
+        try:
+            store.write_table(study.root)
+        except OSError as error:
+            words = f"{error.strerror}. All files are done and their rows kept; start again to write the table"
+            raise OSError(error.errno, words, error.filename) from error
     return open_archive(out)
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ..data import plugins
-from ..data.files import check_regular
+from ..data.files import check_regular, printable
 from ..data.read import READERS
 from ..errors import DataError, UsageError
 from .study import Law, Rule, Study, matches
@@ -91,12 +91,14 @@ class Plan:
         known: files with complete results.
         files: all files of the study, including those of other shards.
         changed: files to fit again because their bytes have changed.
+        links: links to folders, which are not followed.
     """
 
     chunks: tuple[Chunk, ...]
     known: tuple[Known, ...]
     files: tuple[str, ...]
     changed: tuple[str, ...]
+    links: tuple[str, ...] = ()
 
     @property
     def jobs(self) -> list[Job]:
@@ -124,7 +126,8 @@ def plan(
     Raises:
         UsageError: no files, or a file outside the folder of the study.
     """
-    files = study.files if study.files is not None else tuple(_files_below(study, store))
+    links: list[str] = []
+    files = study.files if study.files is not None else tuple(_files_below(study, store, links))
     if not files and study.include:
         raise UsageError(f"No file in {study.root} matches {' or '.join(study.include)}. Check the pattern.")
     if not files:
@@ -134,16 +137,17 @@ def plan(
     history = _History(records, retry)
     jobs, known, changed = [], [], []
     for file in files:
-        if shard[1] > 1 and zlib.crc32(file.encode()) % shard[1] != shard[0] - 1:
+        if shard[1] > 1 and zlib.crc32(os.fsencode(file)) % shard[1] != shard[0] - 1:
             continue
         job, done = _looked_up(study, file, history)
         if done is not None:
             known.append(done)
         else:
             jobs.append(job)
-            if file in history.files and job.signature not in history.files[file]:
-                changed.append(file)
-    return Plan(tuple(_chunks(study, jobs)), tuple(known), tuple(files), tuple(changed))
+            name = printable(file)
+            if name in history.files and job.signature not in history.files[name]:
+                changed.append(name)
+    return Plan(tuple(_chunks(study, jobs)), tuple(known), tuple(files), tuple(changed), tuple(links))
 
 
 class _History:
@@ -169,7 +173,7 @@ def _looked_up(study: Study, file: str, history: _History) -> tuple[Job, Known |
     path = study.root / file
     facts = study.facts_of(file)
     signature = signature_of(path)
-    seen = history.files.get(file, {}).get(signature, "")
+    seen = history.files.get(printable(file), {}).get(signature, "")
     sha256 = seen
     if not seen and signature.bytes in history.sizes:
         sha256 = hash_of(path)
@@ -248,23 +252,26 @@ def hash_of(path: Path) -> str:
     return digest.hexdigest()
 
 
-def _files_below(study: Study, store: Path | None) -> Iterator[str]:
-    """Yield the runs below the folder of a study, sorted by name."""
+def _files_below(study: Study, store: Path | None, links: list[str]) -> Iterator[str]:
+    """Yield the runs below the folder of a study, sorted by name.
+
+    Links to folders are appended to `links`.
+    """
     if not study.root.is_dir():
         raise UsageError(f"There is no folder {study.root}. Give the folder that holds the runs, or their paths.")
     suffixes = {*READERS, *(suffix.lower() for suffix in plugins.suffixes())}
     inside = None if store is None else os.path.realpath(store)
-    names = sorted(_walked(study.root, "", inside))
+    names = sorted(_walked(study.root, "", inside, links))
     for name in names:
         wanted = any(matches(name, each) for each in study.include) if study.include else _suffix(name) in suffixes
         if wanted and not any(matches(name, each) for each in study.exclude):
             yield name
 
 
-def _walked(folder: Path | str, place: str, without: str | None) -> Iterator[str]:
+def _walked(folder: Path | str, place: str, without: str | None, links: list[str]) -> Iterator[str]:
     """Yield POSIX paths of all files below a folder.
 
-    Hidden files and the store are skipped.
+    Hidden files and the store are skipped. Links to folders are appended to `links`.
     """
     with os.scandir(folder) as entries:
         for entry in entries:
@@ -273,8 +280,10 @@ def _walked(folder: Path | str, place: str, without: str | None) -> Iterator[str
             # A link to a parent folder would cause infinite recursion.
             if entry.is_dir(follow_symlinks=False):
                 if os.path.realpath(entry.path) != without:
-                    yield from _walked(entry.path, f"{place}{entry.name}/", without)
-            elif not (entry.is_symlink() and os.path.isdir(entry.path)):
+                    yield from _walked(entry.path, f"{place}{entry.name}/", without, links)
+            elif entry.is_symlink() and os.path.isdir(entry.path):
+                links.append(printable(f"{place}{entry.name}"))
+            else:
                 yield f"{place}{entry.name}"
 
 

@@ -14,6 +14,7 @@ import io
 import json
 import os
 import platform
+import re
 import secrets
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -32,6 +33,7 @@ except ImportError:  # Windows, without locks against a second driver
     fcntl = None
 
 _STUDY, _TABLE, _PARTS, _RUNS = "study.json", "table.parquet", "parts", "runs"
+_PART = re.compile(r"\d{20}-[0-9a-f]{8}\.parquet")
 # Largest size of study.json in bytes.
 _LARGEST = 10_000_000
 # Seconds before another attempt to lock; a status query holds the lock only for a moment.
@@ -84,8 +86,7 @@ class Store:
         asked = self.check(study) if self.exists else study.described()
         if self.exists and asked == {**self.description(), "versions": asked["versions"]}:
             return
-        for folder in (self.path, self.path / _PARTS):
-            folder.mkdir(parents=True, exist_ok=True)
+        self.path.mkdir(parents=True, exist_ok=True)
         write_text(self.path / _STUDY, json.dumps(asked, indent=1, default=repr) + "\n", overwrite=True)
 
     def check(self, study: Study) -> dict[str, Any]:
@@ -116,7 +117,9 @@ class Store:
             UsageError: another driver is at work, or the folder contains other files.
         """
         entries = [] if not self.path.is_dir() else [e for e in os.listdir(self.path) if not e.startswith(".")]
-        if (entries and not self.exists) or (self.path.exists() and not self.path.is_dir()):
+        # A driver that was killed before it wrote the description may have left empty folders.
+        own = all(name in (_PARTS, _RUNS) and not os.listdir(self.path / name) for name in entries)
+        if not (own or self.exists) or (self.path.exists() and not self.path.is_dir()):
             raise UsageError(f"{self.path} exists and holds no archive. Give the name of a new folder.")
         self.path.mkdir(parents=True, exist_ok=True)
         with contextlib.ExitStack() as stack:
@@ -150,12 +153,14 @@ class Store:
         Raises:
             OSError: the files cannot be written; then no row is written either.
         """
+        (self.path / _PARTS).mkdir(exist_ok=True)
         if files:
             (self.path / _RUNS).mkdir(exist_ok=True)
         for key, bytes_ in (files or {}).items():
             write_bytes(self.path / _RUNS / f"{key}.nc", bytes_, overwrite=True)
-        # Names sort by time, with a random suffix for simultaneous drivers.
-        name = f"{time.time_ns():020d}-{secrets.token_hex(4)}.parquet"
+        # Later parts have larger numbers, whatever the clock says. A random suffix separates simultaneous drivers.
+        last = max((int(n[:20]) for n in os.listdir(self.path / _PARTS) if _PART.fullmatch(n)), default=0)
+        name = f"{last + 1:020d}-{secrets.token_hex(4)}.parquet"
         write_bytes(self.path / _PARTS / name, _parquet(table))
 
     def records(self) -> list[dict[str, Any]]:

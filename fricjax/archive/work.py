@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..data import Record, read
-from ..data.files import gigabytes
+from ..data.files import gigabytes, printable
 from ..errors import DataError, UsageError
 from ..fitting.batch import Row, collected, fit_rows
 from ..fitting.diagnostics import CONVERGED
@@ -107,7 +107,7 @@ class Work:
         rule = self.study.rule_of(job.file)
         signature = job.signature._asdict()
         measured = {"measured_at": job.signature.modified}
-        return {"file": job.file, "run": "", "rig": rule.rig_name, "sha256": sha256, **signature, **measured}
+        return {"file": printable(job.file), "run": "", "rig": rule.rig_name, "sha256": sha256, **signature, **measured}
 
     def _fit(self, law: Law, runs: Sequence[_Run], done: Done) -> None:
         """Fit one law to runs and append their rows."""
@@ -180,7 +180,7 @@ def _key(run: _Run, settings: str) -> str:
     It is a hash of the bytes of the file, the name of the run and the settings.
     """
     # An unreadable file is identified by its path.
-    parts = (SCHEMA, run.columns["sha256"] or run.job.file, settings, run.columns["run"])
+    parts = (SCHEMA, run.columns["sha256"] or run.columns["file"], settings, run.columns["run"])
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()
 
 
@@ -217,7 +217,7 @@ def _check_file(study: Study, job: Job) -> None:
     Raises:
         DataError: a file that is too large, or a link to a file outside the folder.
     """
-    name = Path(job.file).name
+    name = printable(Path(job.file).name)
     if job.signature.bytes > LARGEST_FILE:
         size, most = gigabytes(job.signature.bytes), gigabytes(LARGEST_FILE)
         raise DataError(f"{name} has {size}, and at most {most} are expected of a run.")

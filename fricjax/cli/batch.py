@@ -245,6 +245,7 @@ def _plan_data(planned: "Plan") -> dict[str, Any]:
         "done": len(planned.known),
         "to_do": len(jobs),
         "changed": list(planned.changed),
+        "links": list(planned.links),
     }
     return {**sizes, "bytes": sum(max(job.signature.bytes, 0) for job in jobs), "chunks": len(planned.chunks)}
 
@@ -258,4 +259,6 @@ def _plan_text(planned: "Plan") -> str:
     ]
     if planned.changed:
         lines.append(f"changed:  {first_of(planned.changed, 5)}")
+    if planned.links:
+        lines.append(f"skipped:  {first_of(planned.links, 5)} (links to folders)")
     return "\n".join(lines)

@@ -9,7 +9,7 @@ from typing import Any
 
 from typer import Exit
 
-from .failure import FAULT
+from .failure import INCOMPLETE
 from .options import Output
 from .output import finish, prepare, working
 
@@ -63,7 +63,7 @@ def doctor(output: Output) -> None:
     data = {"schema": "fricjax.doctor/1", **findings, "checks": checks, "healthy": healthy, "verdict": sentence}
     finish(output, data, _text(findings, checks, sentence))
     if not healthy:
-        raise Exit(FAULT)
+        raise Exit(INCOMPLETE)
 
 
 def versions() -> dict[str, str]:

@@ -7,14 +7,15 @@ from ..errors import DataError, UsageError
 from .wording import in_options
 
 # The parser uses 2 for wrong usage. A shell reports 130 = 128 + SIGINT for a process that Ctrl-C ended.
-DONE, FAULT, USAGE, INVALID, REJECTED, INTERRUPTED = 0, 1, 2, 3, 4, 130
+DONE, INCOMPLETE, USAGE, INVALID, REJECTED, FAULT, INTERRUPTED = 0, 1, 2, 3, 4, 5, 130
 CODES = {
     DONE: "The command has done its work.",
-    FAULT: "`batch`: some runs are not ok. `doctor`: a check failed. Any command: a fault of the program.",
-    USAGE: "Wrong usage or configuration, or a file that cannot be written.",
+    INCOMPLETE: "`batch`: some runs are not ok. `doctor`: a check failed.",
+    USAGE: "Wrong usage or configuration, or an output file that exists already.",
     INVALID: "`fit`, `compare`, `map`, `calibrate ringdown`: the fit has not converged, or does not describe its "
     "record. `check`: the run leaves a coefficient of `--free` undetermined.",
     REJECTED: "A file or record was rejected: missing, unreadable or unusable data.",
+    FAULT: "A fault of the program, or a result that cannot be written.",
     INTERRUPTED: "Interrupted by Ctrl-C.",
 }
 """Meaning of each exit code, in Markdown."""
@@ -84,10 +85,10 @@ def failure_of(error: BaseException) -> Failure:
     if isinstance(error, FileExistsError):
         return Failure(f"'{error.filename}' exists already. Add --force, or give another name.", "output", USAGE)
     if isinstance(error, OSError) and error.filename is not None:
-        return Failure(f"'{error.filename}' cannot be used: {error.strerror}.", "output", USAGE)
+        return Failure(f"'{error.filename}' cannot be used: {error.strerror}.", "output", FAULT)
     if isinstance(error, OSError) and error.errno in NO_SPACE:
         words = f"Something cannot be written: {error.strerror}. Make room, or write elsewhere."
-        return Failure(words, "output", USAGE)
+        return Failure(words, "output", FAULT)
     first = next(iter(str(error).strip().splitlines()), "no further words")
     return Failure(
         f"Unexpected {type(error).__name__}: {first}",

@@ -69,6 +69,14 @@ def _missing(path: Path) -> str:
     return f"There is no file {path}.{nearest(path.name, siblings)} Check the path."
 
 
+def printable(name: str) -> str:
+    """Return a file name as text that can be stored and printed.
+
+    Bytes that are not UTF-8 become escapes.
+    """
+    return os.fsencode(name).decode("utf-8", "backslashreplace")
+
+
 def check_distinct(paths: Iterable[Path]) -> None:
     """Refuse a list that contains a file twice.
 

@@ -84,11 +84,27 @@ def concrete(value: Any) -> float | None:
     return None if isinstance(value, Tracer) or np.ndim(value) else float(value)
 
 
+def _half_cycles_to_rest(oscillator: Oscillator, reach: float, secant: float) -> float:
+    """Return an upper bound on the half-cycles until friction holds the mass, inf without one.
+
+    Each half-cycle from a deflection of at most `reach` [m] shortens it by at least twice the least sliding force over
+    the stiffness `secant` [N/m].
+    """
+    law, fastest = oscillator.friction, reach * math.sqrt(secant / concrete(oscillator.mass))
+    load, damping, drag = (concrete(v) for v in (oscillator.normal_force, oscillator.damping, oscillator.drag))
+    if not law.set_valued or load is None or damping is None or drag is None or min(damping, drag) < 0:
+        return math.inf
+    forces = law.sliding_force(np.linspace(0.0, fastest, 200)[:, None], np.asarray(load))  # pyright: ignore
+    least = None if isinstance(forces, Tracer) else float(np.min(forces))
+    return math.inf if least is None or least <= 0 else reach * secant / (2 * least) + 4
+
+
 def half_cycle_capacity(oscillator: Oscillator, duration: float | None, x0: Any, v0: Any) -> int:
     """Return the half-cycle capacity for a duration [s], a power of two.
 
     Powers of two limit the number of compiled shapes. For a stiffening spring the bound uses the largest deflection
-    reachable from `x0` [m] and `v0` [m/s]. If the duration or the oscillator is traced or batched, the capacity is 512.
+    reachable from `x0` [m] and `v0` [m/s]. Dry friction stops the mass after a number of half-cycles that does not
+    depend on the duration. If the duration or the oscillator is traced or batched, the capacity is 512.
     """
     known = [concrete(v) for v in (oscillator.mass, oscillator.stiffness, x0, v0)]
     if duration is None or any(value is None for value in known):
@@ -102,4 +118,6 @@ def half_cycle_capacity(oscillator: Oscillator, duration: float | None, x0: Any,
             return 512
         secant = max(stiffness, pull / reach)
     half_cycles = 1.2 * duration * math.sqrt(secant / mass) / math.pi + 4
+    if half_cycles > 512:
+        half_cycles = min(half_cycles, _half_cycles_to_rest(oscillator, reach, secant))
     return max(16, 2 ** math.ceil(math.log2(half_cycles)))

@@ -18,6 +18,8 @@ import jax
 
 from . import cache
 
+_STARTED: dict[str, int] = {}
+
 
 def ready() -> None:
     """Check that JAX computes in double precision, and keep compiled programs.
@@ -27,12 +29,19 @@ def ready() -> None:
     user has given to JAX stays as it is.
 
     Raises:
-        RuntimeError: double precision is off; the message says how to switch it on.
+        RuntimeError: double precision is off, or the process was forked from one that has used JAX; the message gives
+            the remedy.
 
     Examples:
         >>> jax.config.update("jax_enable_x64", True)
         >>> ready()
     """
+    # The threads of JAX do not exist in a forked process, which would wait for them forever.
+    if _STARTED.setdefault("process", os.getpid()) != os.getpid():
+        raise RuntimeError(
+            "This process was forked from one that had used JAX, and JAX does not survive a fork. Start processes with "
+            "multiprocessing.get_context('spawn'), or fork before the first computation."
+        )
     if not jax.config.read("jax_enable_x64"):
         raise RuntimeError(
             "fricjax computes in double precision, and JAX is set to single. Switch it on before the first array: "

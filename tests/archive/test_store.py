@@ -83,6 +83,69 @@ def test_a_full_disk_loses_no_record(study, tmp_path, monkeypatch):
     assert len(process(study, tmp_path / "out", execute=one_by_one)) == 8
 
 
+def test_a_table_that_cannot_be_written_is_reported(study, tmp_path, monkeypatch):
+    def full(store, root=None):
+        raise OSError(errno.ENOSPC, "no space left on its disk", str(store.path / "table.parquet"))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Store, "write_table", full)
+        with pytest.raises(OSError, match="All files are done and their rows kept; start again to write the table"):
+            process(study, tmp_path / "out", execute=one_by_one)
+    assert len(process(study, tmp_path / "out", execute=one_by_one)) == 8
+
+
+def test_a_clock_set_back_changes_nothing(study, tmp_path, monkeypatch):
+    process(study, tmp_path / "out", execute=one_by_one)
+    file = study.root / "run_3.csv"
+    file.write_text("changed\n")
+    monkeypatch.setattr("time.time_ns", lambda: 10**18)
+    process(study, tmp_path / "out", execute=one_by_one)
+    table = process(study, tmp_path / "out", execute=one_by_one).to_dataframe()
+    assert table.set_index("file").sha256["run_3.csv"] == hash_of(file) and len(table) == 8
+
+
+def test_a_driver_killed_before_its_first_file_can_be_continued(study, tmp_path):
+    for name in ("parts", "runs"):
+        (tmp_path / "out" / name).mkdir(parents=True)
+    assert len(process(study, tmp_path / "out", execute=one_by_one)) == 8
+    process(study, tmp_path / "other", execute=one_by_one)
+    for part in (tmp_path / "other" / "parts").iterdir():
+        part.unlink()
+    (tmp_path / "other" / "parts").rmdir()
+    (tmp_path / "other" / "table.parquet").unlink()
+    assert len(process(study, tmp_path / "other", execute=one_by_one)) == 8
+
+
+@pytest.mark.skipif(os.name == "nt", reason="file names are text there")
+def test_a_name_that_is_no_text_stops_no_other_run(study, tmp_path):
+    odd = os.fsencode(study.root) + b"/run_\xff.csv"
+    with open(odd, "wb") as file:
+        file.write(b"t,x\n0,1\n")
+    for _ in range(2):
+        table = fj.batch(study.root, tmp_path / "out", MACHINE, include=["run_?.csv"], exclude=["run_?.txt"])
+        rows = table.to_dataframe().set_index("file")
+        assert len(rows) == 9 and rows.status[r"run_\xff.csv"] == "rejected"
+        assert "is no name of a file; rename the file" in rows.outcome[r"run_\xff.csv"]
+
+
+def test_links_to_folders_are_named(study, tmp_path):
+    (tmp_path / "elsewhere").mkdir()
+    (study.root / "linked").symlink_to(tmp_path / "elsewhere", target_is_directory=True)
+    assert plan(study).links == ("linked",)
+    with pytest.warns(UserWarning, match="Links to folders are not followed: linked"):
+        process(study, tmp_path / "out", execute=one_by_one)
+
+
+def test_a_query_has_no_files(study, tmp_path, monkeypatch):
+    archive = process(study, tmp_path / "out", execute=one_by_one)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / ".tmp").mkdir()
+    for sql in ("copy (select 1) to '.tmp/x.csv'", "select * from read_text('.tmp/*')"):
+        with pytest.raises(UsageError, match="DuckDB refuses the query"):
+            archive.query(sql)
+    assert list((tmp_path / ".tmp").iterdir()) == []
+
+
 def test_what_is_half_written_is_not_read(study, tmp_path):
     out = tmp_path / "out"
     process(study, out, execute=one_by_one)

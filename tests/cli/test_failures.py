@@ -160,7 +160,7 @@ def test_an_unexpected_exception_is_one_line_with_a_hint(fricjax, monkeypatch):
 
     monkeypatch.setattr(data, "inspect", broken)
     called = fricjax("inspect", RUN)
-    assert called.code == 1
+    assert called.code == 5
     assert called.err.startswith(
         "Error: Unexpected ZeroDivisionError: division by zero\nThis is a fault of the program"
     )
@@ -194,4 +194,4 @@ def test_an_interrupted_command_says_so_also_in_json(fricjax, monkeypatch):
 
 def test_a_file_that_cannot_be_written_is_named():
     failure = failure_of(PermissionError(13, "Permission denied", "/x/fit.json"))
-    assert (failure.text, failure.exit_code) == ("Error: '/x/fit.json' cannot be used: Permission denied.", 2)
+    assert (failure.text, failure.exit_code) == ("Error: '/x/fit.json' cannot be used: Permission denied.", 5)

@@ -110,7 +110,7 @@ NUMBERS = [
     (("fit", "good.csv", *RIG, "--mass", "-1"), "mass must be a positive number of kg, got -1.", 2),
     (("fit", "good.csv", *RIG, "--mass", "heavy"), 'mass = "heavy" is no quantity; write a number', 2),
     (("fit", "good.csv", "--mass", "1"), "give --normal-force and --mass.", 2),
-    (("fit", "good.csv", "--row", "1"), "--row is no option for .csv files. Did you mean '--skip-rows'?", 2),
+    (("fit", "good.csv", "--row", "1"), "--row is no option for .csv files.", 2),
     (("inspect", "good.csv", "--rate", "-5", "--column", "1"), "rate must be a positive number of samples", 2),
     (("fit", "good.csv", "--rate", "5", "--time", "0"), "Give either --time (a column of times) or --rate", 2),
     (("fit", "good.csv", "--crop", "5:3"), "--crop '5:3' ends before it begins", 2),

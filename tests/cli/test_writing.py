@@ -92,7 +92,7 @@ def test_without_space_the_numbers_are_told_and_the_old_file_stays(fricjax, fold
     words = ("inspect", RUN, "--plot", "old.png", "--force")
     monkeypatch.setattr(files, "_fill", full)
     called = fricjax(*words)
-    assert called.code == 2
+    assert called.code == 5
     assert called.err == (
         "Error: 'old.png' cannot be used: no space left on its disk; nothing was written, and an existing file is "
         "unchanged.\n"
@@ -100,7 +100,7 @@ def test_without_space_the_numbers_are_told_and_the_old_file_stays(fricjax, fold
     assert called.out == fricjax("inspect", RUN).out
     as_json = fricjax(*words, "--json")
     report = json.loads(as_json.out)
-    assert (as_json.code, as_json.err, report["kind"], report["exit_code"]) == (2, "", "output", 2)
+    assert (as_json.code, as_json.err, report["kind"], report["exit_code"]) == (5, "", "output", 5)
     assert report["error"] == called.err.removeprefix("Error: ").strip()
     assert (report["files"], report["samples"]) == ({}, json.loads(fricjax("inspect", RUN, "--json").out)["samples"])
     assert contents(folder) == dict.fromkeys(OLD, "old")
@@ -120,7 +120,7 @@ def test_a_folder_that_cannot_be_written_to_is_refused_before_any_work(fricjax, 
     real = os.access
     monkeypatch.setattr(os, "access", lambda path, mode, **more: mode != os.W_OK and real(path, mode, **more))
     called = fricjax(*words)
-    assert called.code == 2
+    assert called.code == 5
     assert "its folder cannot be written to" in called.err
     assert json.loads(fricjax(*words, "--json").out)["kind"] == "output"
     assert not list(tmp_path.iterdir())
@@ -131,14 +131,14 @@ def test_an_output_that_is_full_is_told_so():
     with open("/dev/full", "w") as out:
         words = [sys.executable, "-c", "from fricjax.cli.main import main; main()", "calibrate", "interferometer"]
         ran = subprocess.run(words, stdout=out, stderr=subprocess.PIPE, text=True)
-    assert (ran.returncode, ran.stderr.count("\n")) == (2, 1), ran.stderr
+    assert (ran.returncode, ran.stderr.count("\n")) == (5, 1), ran.stderr
     assert ran.stderr == "Error: 'stdout' cannot be used: No space left on device.\n"
 
 
 def test_no_space_is_no_fault_of_the_program_wherever_it_shows():
     failure = failure_of(OSError(errno.EDQUOT, "Disk quota exceeded"))
     assert failure.text == "Error: Something cannot be written: Disk quota exceeded. Make room, or write elsewhere."
-    assert (failure.kind, failure.exit_code) == ("output", 2)
+    assert (failure.kind, failure.exit_code) == ("output", 5)
 
 
 def test_a_file_that_came_in_between_is_told_in_the_words_of_the_command_line():

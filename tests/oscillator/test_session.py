@@ -53,6 +53,30 @@ def told(**variables):
     return json.loads(ran(**variables).stdout)
 
 
+FORKED = """
+import os
+import jax
+jax.config.update("jax_enable_x64", True)
+import fricjax as fj
+machine = fj.Oscillator(1.0, 5000.0, 0.0, 9.81, fj.friction.Coulomb(0.1))
+fj.simulate(machine, 3e-3, [0.0, 0.5])
+child = os.fork()
+if not child:
+    try:
+        fj.simulate(machine, 3e-3, [0.0, 0.5])
+    except RuntimeError as error:
+        os._exit(7 if "multiprocessing.get_context('spawn')" in str(error) else 8)
+    os._exit(9)
+print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="Windows has no fork")
+def test_a_forked_process_is_refused_at_once():
+    done = subprocess.run([sys.executable, "-c", FORKED], capture_output=True, text=True, check=True, timeout=120)
+    assert done.stdout.strip() == "7"
+
+
 @pytest.fixture(scope="module")
 def filled(tmp_path_factory):
     """Folder of compiled programs, and report of the process that filled it."""

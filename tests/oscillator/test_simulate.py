@@ -144,6 +144,15 @@ def test_more_half_cycles_than_provided_for():
     assert motion.n_half_cycles == -1
 
 
+@pytest.mark.parametrize("law", [Coulomb(0.05), pytest.param(Stribeck(0.05, 0.06, 1e-3), marks=pytest.mark.slow)])
+def test_a_long_rest_takes_no_memory(law):
+    machine = Oscillator(0.41, 2574.0, 0.17, 9.66, law)
+    motion, short = (simulate(machine, 2e-3, np.array([0.0, end])) for end in (1e7, 1.0))
+    assert motion.turning_points.size <= 512
+    assert int(motion.n_half_cycles) == int(short.n_half_cycles) == 5
+    assert float(motion.x[-1]) == pytest.approx(float(short.x[-1]), rel=1e-12)
+
+
 def test_overdamped():
     machine = Oscillator(1.0, 5000.0, 200.0, 9.81, Coulomb(0.1))
     motion = simulate(machine, 3e-3, TS)
