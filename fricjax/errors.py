@@ -15,8 +15,10 @@ Examples:
 
 import difflib
 import importlib
+import os
 import reprlib
 from collections.abc import Callable, Collection, Iterable, Sequence
+from pathlib import Path
 from typing import Any
 
 
@@ -71,8 +73,30 @@ def check_choice(kind: str, name: object, known: Collection[str]) -> None:
         ...
         fricjax.errors.UsageError: There is no loss 'hubert'. Did you mean 'huber'? Choose one of squares, huber.
     """
-    if name not in known:
+    if not isinstance(name, str) or name not in known:
         raise UsageError(f"There is no {kind} {brief(name)}.{nearest(name, known)} Choose one of {', '.join(known)}.")
+
+
+def check_type(name: str, value: object, types: Any, expected: str) -> None:
+    """Refuse a value of another type.
+
+    Args:
+        name: name of the argument.
+        value: its value.
+        types: the valid types, as for `isinstance`.
+        expected: description of valid values, such as "an Oscillator".
+
+    Raises:
+        UsageError: the message states name, value and valid values.
+
+    Examples:
+        >>> check_type("bounds", 3.0, dict, "a mapping from names to pairs")
+        Traceback (most recent call last):
+        ...
+        fricjax.errors.UsageError: bounds must be a mapping from names to pairs, but it is 3.0.
+    """
+    if not isinstance(value, types):
+        raise UsageError(f"{name} must be {expected}, but it is {brief(value)}.")
 
 
 def suggesting(package: str, get: Callable[[str], Any], names: Sequence[str]) -> Callable[[str], Any]:
@@ -101,6 +125,16 @@ def suggesting(package: str, get: Callable[[str], Any], names: Sequence[str]) ->
             raise AttributeError(f"{package} has no {name!r}.{nearest(name, names)}", name=name, obj=None) from error
 
     return getattr_of_package
+
+
+def path_of(value: Any) -> Path:
+    """Return an argument as a path.
+
+    Raises:
+        UsageError: it is no path.
+    """
+    check_type("path", value, (str, os.PathLike), "the name of a file or folder")
+    return Path(value)
 
 
 def quoted(names: Sequence[object], limit: int = 12) -> str:

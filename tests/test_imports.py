@@ -13,6 +13,7 @@ import fricjax
 PACKAGE = Path(__file__).resolve().parents[1] / "fricjax"
 ORDER = [
     "errors",
+    "numbers",
     "thresholds",
     "settings",
     "show",
@@ -85,7 +86,13 @@ def modules_of_the_package(names):
 def test_every_folder_has_its_place():
     folders = {path.parent.name for path in PACKAGE.glob("*/__init__.py")}
     assert folders <= set(ORDER)
-    assert {path.name for path in PACKAGE.glob("*.py")} == {"__init__.py", "errors.py", "thresholds.py", "settings.py"}
+    assert {path.name for path in PACKAGE.glob("*.py")} == {
+        "__init__.py",
+        "errors.py",
+        "numbers.py",
+        "thresholds.py",
+        "settings.py",
+    }
 
 
 @pytest.mark.parametrize("folder", ORDER)

@@ -2,9 +2,10 @@
 
 Usage: `python experiments/archive/kills.py [--kills 20] [--runs 192]`.
 
-The driver gets SIGKILL at random moments until the given number of kills has hit a working driver. Then it runs to its
-end. Its table must equal that of an uninterrupted driver, row for row except for timings, and no run may have two
-records. Afterwards a driver writes to a disk that is too small for all rows and continues when there is room.
+The driver gets SIGKILL in the first 100 ms of its store, directly after a new part, and at random moments, until the
+given number of kills has hit a working driver. Then it runs to its end. Its table must equal that of an uninterrupted
+driver, row for row except for timings, and no run may have two records. Afterwards a driver writes to a disk that is
+too small for all rows and continues when there is room.
 """
 
 import argparse
@@ -16,12 +17,14 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections import Counter
 from pathlib import Path
 
 import jax
 import pyarrow.parquet
 
 import fricjax as fj
+from fricjax.archive.store import Store
 
 jax.config.update("jax_enable_x64", True)
 
@@ -62,13 +65,21 @@ def twice(out: Path) -> int:
     return len(keys) - len(set(keys))
 
 
-def killed(folder: Path, out: Path, kills: int) -> list[int]:
-    """Kill working drivers and return the number of parts at each kill."""
+def killed(folder: Path, out: Path, kills: int) -> list[tuple[str, int]]:
+    """Kill drivers; return the moment and the parts at each kill."""
     seen, begun = [], time.perf_counter()
-    while len(seen) < kills and time.perf_counter() - begun < LONGEST * 4:
+    while len(seen) < kills and time.perf_counter() - begun < LONGEST + 10 * kills:
+        moment = random.choice(("birth", "part", "any"))
+        if moment == "birth":
+            # The first 100 ms of a store.
+            shutil.rmtree(out, ignore_errors=True)
         driver, before = started(folder, out), len(parts(out))
-        # Half of the kills follow directly on a new part in the store.
-        if random.random() < 0.5:
+        if moment == "birth":
+            while driver.poll() is None and not out.exists():
+                time.sleep(0.0005)
+            time.sleep(random.uniform(0.0, 0.1))
+        elif moment == "part":
+            # Directly after a new part in the store.
             while driver.poll() is None and len(parts(out)) == before:
                 time.sleep(0.002)
             time.sleep(random.expovariate(20.0))
@@ -77,7 +88,10 @@ def killed(folder: Path, out: Path, kills: int) -> list[int]:
         if driver.poll() is None:
             driver.send_signal(signal.SIGKILL)
             driver.communicate()
-            seen.append(len(parts(out)))
+            seen.append((moment, len(parts(out))))
+            # The store must be usable at once.
+            with Store(out).locked():
+                pass
         else:
             # The driver has ended. The next one starts from an empty store.
             assert driver.returncode == 1, driver.communicate()[1]
@@ -122,7 +136,9 @@ def main() -> None:
         left = sorted(path.name for path in (folder / "out").rglob(".fricjax-*.tmp"))
         last = started(folder, folder / "out")
         last.communicate()
-        print(f"{len(seen)} kills, after parts {seen}; temporary files left by them: {len(left)}")
+        counts = Counter(moment for moment, _ in seen)
+        number = sorted(number for _, number in seen)
+        print(f"{len(seen)} kills: {dict(counts)}, after {number} parts; temporary files left by them: {len(left)}")
         same = rows(folder / "out") == expected
         print(f"exit {last.returncode}, {len(expected)} rows, the same as uninterrupted: {same}")
         print(f"runs with two records: {twice(folder / 'out')}")

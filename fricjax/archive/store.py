@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from ..data.files import content
-from ..errors import DataError, UsageError, brief
+from ..errors import DataError, UsageError, brief, path_of
 from ..show.files import write_bytes, write_text
 from .study import SCHEMA, Study, facts_in
 from .table import REMEMBERED, arrow, joined, of_rows, parts_in
@@ -49,7 +49,7 @@ class Store:
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
-        self.path = Path(path)
+        self.path = path_of(path)
 
     @property
     def exists(self) -> bool:
@@ -118,8 +118,8 @@ class Store:
         """
         entries = [] if not self.path.is_dir() else [e for e in os.listdir(self.path) if not e.startswith(".")]
         # A driver that was killed before it wrote the description may have left empty folders.
-        own = all(name in (_PARTS, _RUNS) and not os.listdir(self.path / name) for name in entries)
-        if not (own or self.exists) or (self.path.exists() and not self.path.is_dir()):
+        only_empty = all(name in (_PARTS, _RUNS) and not os.listdir(self.path / name) for name in entries)
+        if not (only_empty or self.exists) or (self.path.exists() and not self.path.is_dir()):
             raise UsageError(f"{self.path} exists and holds no archive. Give the name of a new folder.")
         self.path.mkdir(parents=True, exist_ok=True)
         with contextlib.ExitStack() as stack:

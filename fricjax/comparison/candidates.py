@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array
 
 from ..data import Record, Trace
-from ..errors import DataError, UsageError, nearest
+from ..errors import DataError, UsageError, check_type, nearest
 from ..fitting.names import check_identifiable, of_run
 from ..fitting.parameters import Request
 from ..fitting.problem import windows_of
@@ -53,6 +53,10 @@ def candidates(
         UsageError: lists have different lengths, or an entry belongs to no candidate.
         DataError: no candidate can be fitted to the records.
     """
+    check_type("oscillators", oscillators, list | tuple, "a list of oscillators")
+    check_type("free", free, list | tuple | None, "a list with the names of each law")
+    for entry in free or ():
+        check_type("An entry of free", entry, list | tuple, "a list of names")
     lists = [tuple(entry) for entry in (map(identifiable_coefficients, oscillators) if free is None else free)]
     laws = [law_name(machine.friction) for machine in oscillators]
     if names is None:

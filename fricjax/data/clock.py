@@ -81,7 +81,7 @@ def clock_faults(t: np.ndarray, x: np.ndarray, steps: Sequence[int] = ()) -> lis
 
 
 def repeated_samples(t: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Return True for samples that a slow sensor has not renewed, shape `(n,)`.
+    """Return True for samples that a slow sensor did not renew.
 
     They repeat the previous value although the mass moves. In a record that is not rounded, no two values agree by
     chance, not even at rest. Runs that are too long for the share of such samples are dropouts.
@@ -104,7 +104,7 @@ def repeated_samples(t: np.ndarray, x: np.ndarray) -> np.ndarray:
 
 
 def _clock_errors(t: np.ndarray, x: np.ndarray, places: np.ndarray, before: np.ndarray, interval: float) -> np.ndarray:
-    """Return the time to add from each place on [s], zero if the clock is right.
+    """Return the clock error at each place [s], zero if insignificant.
 
     At each place the samples on both sides are fitted by one polynomial and a step. Without the gap before the place,
     the step is the velocity times the clock error.
@@ -130,11 +130,11 @@ def _clock_errors(t: np.ndarray, x: np.ndarray, places: np.ndarray, before: np.n
     moved = coefficients[:, 1] / np.maximum(-times[:, 0], times[:, -1]) * interval
     safe = np.where(moved == 0, np.inf, moved)
     ticks, error = coefficients[:, -1] / safe, deviation / np.abs(safe)
-    whole = np.round(ticks)
-    shift = whole * interval - gap
-    sharp = error < np.where(before > 0, _CLEAR, _SHARP)
-    sure = (moved != 0) & sharp & (np.abs(ticks - whole) < np.maximum(_FITTING * error, _ROUNDING))
+    nearest = np.round(ticks)
+    shift = nearest * interval - gap
+    precise = error < np.where(before > 0, _CLEAR, _SHARP)
+    sure = (moved != 0) & precise & (np.abs(ticks - nearest) < np.maximum(_FITTING * error, _ROUNDING))
     wrong = np.abs(shift) > 0.5 * interval
     # The motion across a long gap is unknown, but if none passes in it, the clock jumped.
-    known = (gap < (before + 0.5) * interval) | (whole == 0)
+    known = (gap < (before + 0.5) * interval) | (nearest == 0)
     return np.where(sure & wrong & known, shift, 0.0)

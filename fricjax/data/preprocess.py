@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 
-from ..errors import DataError, UsageError
+from ..errors import DataError, UsageError, check_type
+from ..numbers import scalar
 from .record import Record, Step
 from .segmentation.decay import Segmentation
 from .trace import MINIMUM_SAMPLES, Trace
@@ -40,8 +41,12 @@ def crop(record: Record, start: float | None = None, stop: float | None = None) 
         >>> print(record.log[-1])
         crop(start=0.1): kept 3500 of 4000 samples, from 0.1 s to 0.7998 s
     """
+    check_type("record", record, Record, "a Record")
     trace, t = record.trace, np.asarray(record.trace.t)
-    low, high = (-math.inf if start is None else start), (math.inf if stop is None else stop)
+    low, high = (
+        limit if value is None else scalar(name, value)
+        for name, value, limit in (("start", start, -math.inf), ("stop", stop, math.inf))
+    )
     if not high > low:
         raise UsageError(f"stop must come after start, but {start} s and {stop} s were given for them.")
     keep = (t >= low) & (t <= high)
@@ -76,6 +81,7 @@ def convert_unit(record: Record, unit: str, time_unit: str | None = None) -> Rec
         >>> fj.data.convert_unit(record, "um").x[0]
         np.float64(0.002)
     """
+    check_type("record", record, Record, "a Record")
     trace = record.trace
     scale, quantity = factor(unit, DISPLACEMENT, "the displacement")
     time_scale = 1.0 if time_unit is None else factor(time_unit, TIME, "the time")[0]

@@ -17,7 +17,7 @@ from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, overload
 
-from ..errors import DataError, UsageError, nearest
+from ..errors import DataError, UsageError, brief, nearest
 from .files import check_file
 from .readers.choice import Choice
 
@@ -95,6 +95,8 @@ def read(source: Any, **options: Any) -> Any:
     """
     options = dict(options)
     span, repairs = (options.pop(name, None) for name in _AFTER)
+    if span is not None and not (isinstance(span, tuple | list) and len(span) == 2):
+        raise UsageError(f"crop must be a pair of times in s, such as (0.1, 2.0), but it is {brief(span)}.")
     content = _content(source, options)
 
     def changed(record: "Record") -> "Record":

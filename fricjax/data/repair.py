@@ -4,7 +4,8 @@ from collections.abc import Sized
 
 import numpy as np
 
-from ..errors import UsageError, first_of
+from ..errors import UsageError, check_type, first_of
+from ..numbers import scalar
 from ..show import engineering
 from .clock import ClockFault, clock_faults
 from .dropouts import Dropout, dropouts
@@ -42,7 +43,8 @@ def find_slips(record: Record, fringe: float | None = None) -> list[Slip]:
         >>> fj.data.find_slips(record)
         []
     """
-    if fringe is not None and not 0 < fringe < np.inf:
+    check_type("record", record, Record, "a Record")
+    if fringe is not None and not 0 < scalar("fringe", fringe) < np.inf:
         raise UsageError(f"fringe must be a positive length in m, got {fringe!r}; one is 316.4e-9 or 158.2e-9.")
     steps = _steps(record, fringe)
     return steps if fringe is not None else _slips_among(steps, _clock_faults(record, steps))
@@ -55,10 +57,10 @@ def _steps(record: Record, fringe: float | None) -> list[Slip]:
     even = np.abs(intervals - np.median(intervals)) < _REGULAR * np.median(intervals)
     together = mask[1:] & mask[:-1] & even
     edges = np.r_[0, np.flatnonzero(~together) + 1, t.size]
-    found: list[Slip] = []
+    faults: list[Slip] = []
     for start, stop in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
-        found += [slip._replace(index=start + slip.index) for slip in slips(x[start:stop], fringe)]
-    return found
+        faults += [slip._replace(index=start + slip.index) for slip in slips(x[start:stop], fringe)]
+    return faults
 
 
 def repair_slips(record: Record, fringe: float | None = None) -> Record:
@@ -170,9 +172,9 @@ def _clock_faults(record: Record, steps: list[Slip]) -> list[ClockFault]:
         mask[lost.start : lost.stop] = False
     used = np.flatnonzero(mask)
     places = np.searchsorted(used, [step.index for step in steps])
-    found = clock_faults(record.t[used], record.x[used], places.tolist())
+    faults = clock_faults(record.t[used], record.x[used], places.tolist())
     used = np.append(used, used[-1] + 1)
-    return [fault._replace(index=int(used[fault.index])) for fault in found]
+    return [fault._replace(index=int(used[fault.index])) for fault in faults]
 
 
 def repair_clock(record: Record) -> Record:

@@ -11,7 +11,7 @@ import re
 from collections import Counter
 from typing import Any, NamedTuple
 
-from ..errors import DataError, UsageError
+from ..errors import DataError, UsageError, check_type
 
 EXAMPLES = {"m": "'m', 'mm', 'um' or 'nm'", "rad": "'rad', 'mrad' or 'deg'", "s": "'s', 'ms' or 'us'"}
 DISPLACEMENT = ("m", "rad")
@@ -159,6 +159,7 @@ def si_unit(unit: str) -> tuple[float, str] | None:
 
     Returns None if the text is not a unit.
     """
+    check_type("A unit", unit, str, "a text")
     known = unit_of(unit)
     return None if known is None else (known.scale, known.symbol)
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import UsageError
+from ..errors import UsageError, path_of
 from ..show.files import write_bytes
 from .gather import record_of
 from .native import MARK, SCHEMA, encode, to_text
@@ -46,7 +46,7 @@ def write(record: Any, path: str | Path, *, overwrite: bool = False) -> Path:
         True
     """
     record = record_of(record)
-    path = Path(path)
+    path = path_of(path)
     writer = WRITERS.get(path.suffix.lower())
     if writer is None:
         raise UsageError(

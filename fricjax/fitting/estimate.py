@@ -11,9 +11,10 @@ import optimistix as optx
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
-from ..errors import UsageError, check_choice
+from ..errors import UsageError, check_choice, check_type
 from ..estimation.levenberg_marquardt import LevenbergMarquardt
 from ..estimation.passes import residual_and_jacobian
+from ..numbers import real
 from ..oscillator.engines.base import AbstractEngine
 from ..oscillator.oscillator import Oscillator, leaves_of
 from ..oscillator.select import half_cycle_capacity, select_engine
@@ -102,7 +103,14 @@ def estimate(
         ([0.01, 0.01], [True, True])
     """
     ready()
-    x, ts = jnp.asarray(x, float), jnp.asarray(ts, float)
+    check_type("oscillator", oscillator, Oscillator, "an Oscillator")
+    check_type("names", names, list | tuple, "a list of names")
+    x, ts, sigma = (
+        jnp.asarray(value if isinstance(value, jax.Array) else real(name, value, "real numbers"), float)
+        for name, value in (("x", x), ("ts", ts), ("sigma", sigma))
+    )
+    if sigma.ndim and sigma.shape != x.shape:
+        raise ValueError(f"sigma must be one number or one for each sample, got the shape {sigma.shape}.")
     if x.ndim != 1 or x.shape != ts.shape:
         raise ValueError(
             f"x and ts must have one entry for each sample, got the shapes {x.shape} and {ts.shape}. For several "

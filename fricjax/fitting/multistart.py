@@ -12,11 +12,12 @@ with the most steps.
 import dataclasses
 from collections import Counter
 from collections.abc import Sequence
+from numbers import Real
 from typing import Any, NamedTuple, Unpack
 
 import numpy as np
 
-from ..errors import UsageError
+from ..errors import UsageError, check_type
 from ..estimation.space import Parameter
 from ..oscillator import Oscillator, one_blas_thread, ready
 from ..show import Report, Reported, Style, figure, plain, styled
@@ -186,6 +187,8 @@ def multistart(
         0.05
     """
     ready()
+    check_type("starts", starts, int | np.integer, "a number of starts")
+    check_type("spread", spread, Real, "a number above 1")
     if starts < 1 or not spread > 1:
         raise UsageError(f"multistart needs at least one start and a spread above 1, got {starts} and {spread:g}.")
     check_known("multistart", settings, [*Settings.__annotations__, "starts", "spread", "seed"])

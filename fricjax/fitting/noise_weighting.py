@@ -155,7 +155,7 @@ def weigh_by_noise(problem: Problem, solution: Solution, absolute: bool) -> Nois
 def _at_level_of_residuals(
     problem: Problem, solution: Solution, rows: Sequence[Rows]
 ) -> tuple[Problem, Solution] | None:
-    """Return the fit with a smaller noise if the residuals are far below the estimated one.
+    """Return the fit with its noise reduced to that of the residuals.
 
     Neighbouring samples show the noise only if the motion between them is smooth. With few samples per half-cycle the
     estimate is too large. Return None if no estimate is far too large.

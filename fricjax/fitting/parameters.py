@@ -2,13 +2,14 @@
 
 import dataclasses
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from numbers import Real
 from typing import Any, NamedTuple, TypedDict, Unpack
 
 import jax
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import UsageError, check_choice, nearest
+from ..errors import UsageError, check_choice, check_type, nearest
 from ..estimation.loss import AbstractLoss, named_loss
 from ..estimation.space import Parameter
 from ..friction.coefficient import Coefficient
@@ -95,6 +96,11 @@ class Request:
         if not isinstance(oscillator, Oscillator):
             name = type(oscillator).__name__
             raise UsageError(f"fit needs an Oscillator, got {name}. Build one, or take rig.oscillator(friction).")
+        for name in ("bounds", "priors", "tie", "guess"):
+            check_type(name, settings.get(name), Mapping | None, "a mapping from the names of parameters")
+        check_type("nuisance", settings.get("nuisance"), str | list | tuple | None, "a list of names")
+        check_type("free", free, str | list | tuple | Mapping, "a list of names")
+        check_type("start", settings.get("start", ""), str | Real, "a name or a time in s")
         oscillator, free, asked = asked_of(free, oscillator, settings)
         nuisance, rig = settings.get("nuisance"), settings.get("rig")
         if not isinstance(rig, Rig | None):

@@ -94,6 +94,7 @@ def nuisances_of(mode: str, chosen: Iterable[str] | None, keeps_memory: bool) ->
     """
     mode = "seconds" if mode == "first_reversal" and keeps_memory else mode
     names = _NUISANCES[mode] if chosen is None else tuple(chosen)
+    check_once(names)
     for name in names:
         check_nuisance(name)
     if "v0" in names and "t_release" in names:

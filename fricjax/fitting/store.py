@@ -15,7 +15,7 @@ import equinox as eqx
 import numpy as np
 
 from ..data.files import content as read_content
-from ..errors import DataError, brief
+from ..errors import DataError, brief, path_of
 from ..oscillator.engines import AbstractEngine
 from ..show.files import write_text
 from .restored import RECORDS, restored
@@ -73,7 +73,7 @@ def read_fit[F](path: str | os.PathLike[str], cls: type[F]) -> F:
     Raises:
         DataError: no such file, or no fit of this schema; the message names the field.
     """
-    source = Path(path)
+    source = path_of(path)
     stored = _stored(source, _saved(cls))
     kinds = {**get_type_hints(cls), **_KINDS}
     try:

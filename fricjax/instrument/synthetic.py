@@ -13,7 +13,7 @@ import numpy as np
 
 from ..data.record import Record, Step
 from ..data.trace import Trace
-from ..errors import UsageError, nearest
+from ..errors import UsageError, check_type, nearest
 from ..friction.base import laws_of
 from ..oscillator import RESULTS, ExponentialRelease, Oscillator, is_successful, simulate
 from ..oscillator.oscillator import leaves_of
@@ -77,6 +77,7 @@ def synthetic_run(
     run = Run(x0, v0, rate, duration, hold, release_time_constant, floor_acceleration_psd)
     interferometer = _interferometer(noise, instrument)
     # By their shortest unambiguous names, as in a fit.
+    check_type("oscillator", oscillator, Oscillator, "an Oscillator")
     leaves = zip(leaves_of(oscillator), jax.tree.leaves(oscillator), strict=True)
     coefficients = {leaf.name: number(leaf.name, value) for leaf, value in leaves}
     check_seed(seed)

@@ -4,6 +4,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..errors import check_type
 from .motion import Motion
 from .oscillator import Oscillator
 
@@ -63,6 +64,8 @@ def energy(oscillator: Oscillator, motion: Motion) -> Energy:
         >>> print(f"released with {float(fj.energy(oscillator, motion).total[0]):.1e} J")
         released with 2.0e-03 J
     """
+    check_type("oscillator", oscillator, Oscillator, "an Oscillator")
+    check_type("motion", motion, Motion, "the Motion of fricjax.simulate")
     v = motion.v
     return Energy(
         kinetic=oscillator.mass * v**2 / 2,

@@ -85,15 +85,16 @@ def concrete(value: Any) -> float | None:
 
 
 def _half_cycles_to_rest(oscillator: Oscillator, reach: float, secant: float) -> float:
-    """Return an upper bound on the half-cycles until friction holds the mass, inf without one.
+    """Return an upper bound on the half-cycles to rest, inf if unknown.
 
     Each half-cycle from a deflection of at most `reach` [m] shortens it by at least twice the least sliding force over
     the stiffness `secant` [N/m].
     """
-    law, fastest = oscillator.friction, reach * math.sqrt(secant / concrete(oscillator.mass))
-    load, damping, drag = (concrete(v) for v in (oscillator.normal_force, oscillator.damping, oscillator.drag))
-    if not law.set_valued or load is None or damping is None or drag is None or min(damping, drag) < 0:
+    law, machine = oscillator.friction, oscillator
+    mass, load, damping, drag = map(concrete, (machine.mass, machine.normal_force, machine.damping, machine.drag))
+    if not law.set_valued or not mass or load is None or damping is None or drag is None or min(damping, drag) < 0:
         return math.inf
+    fastest = reach * math.sqrt(secant / mass)
     forces = law.sliding_force(np.linspace(0.0, fastest, 200)[:, None], np.asarray(load))  # pyright: ignore
     least = None if isinstance(forces, Tracer) else float(np.min(forces))
     return math.inf if least is None or least <= 0 else reach * secant / (2 * least) + 4

@@ -13,6 +13,8 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float
 
+from ..errors import check_type
+from ..numbers import real, scalar
 from ..show.working import working
 from .engines.base import AbstractEngine
 from .motion import Motion, Start
@@ -78,6 +80,9 @@ def simulate(
         exact: 10 half-cycles, rest at 0.3142 s
     """
     ready()
+    check_type("oscillator", oscillator, Oscillator, "an Oscillator")
+    if not isinstance(accuracy, Tracer) and not scalar("accuracy", accuracy) > 0:
+        raise ValueError(f"accuracy must be a positive length in m, got {accuracy}.")
     times = _times(ts)
     driven = base_acceleration is not None or release is not None
     duration = None if isinstance(times, Tracer) else float(np.asarray(times)[-1])
@@ -95,7 +100,7 @@ def simulate(
             "Floor motion and a decaying holding force need integration in time: leave the engine to auto, or choose "
             '"smooth" or "diffrax".'
         )
-    state = None if state0 is None else _floats(state0)
+    state = None if state0 is None else _floats(state0, "state0")
     limit = _limit_engine(oscillator, capacity)
     finer = chosen.finer() if error else None
     if driven:
@@ -169,16 +174,16 @@ def _limit_engine(oscillator: Oscillator, capacity: int) -> AbstractEngine | Non
     return select_engine("auto", dataclasses.replace(oscillator, friction=limit), max_half_cycles=capacity)
 
 
-def _floats(value: ArrayLike) -> Array | np.ndarray:
+def _floats(value: ArrayLike, name: str = "a value") -> Array | np.ndarray:
     """Convert to double precision; keep host values on the host.
 
     A compiled call accepts host arrays at less cost.
     """
-    return jnp.asarray(value, float) if isinstance(value, jax.Array) else np.asarray(value, float)
+    return jnp.asarray(value, float) if isinstance(value, jax.Array) else real(name, value, "real numbers")
 
 
 def _number(name: str, value: ArrayLike) -> Any:
-    number = _floats(value)
+    number = _floats(value, name)
     if number.ndim:
         raise ValueError(f"{name} must be one number, got shape {number.shape}. For several starts use jax.vmap.")
     return number
@@ -215,7 +220,7 @@ def starting_state(oscillator: Oscillator, x0: ArrayLike, v0: ArrayLike, state0:
 
 
 def _times(ts: ArrayLike) -> Any:
-    times = _floats(ts)
+    times = _floats(ts, "ts")
     if times.ndim != 1 or times.shape[0] == 0:
         raise ValueError(f"ts must be a list of at least one time [s], got an array of shape {times.shape}.")
     if isinstance(times, Tracer):
@@ -339,6 +344,8 @@ def final_displacement(oscillator: Oscillator, x0: ArrayLike, *, engine: str | A
         -7.456e-05 m
     """
     ready()
+    check_type("oscillator", oscillator, Oscillator, "an Oscillator")
+    x0 = _floats(x0, "x0")
     law = oscillator.friction
     if law.kind == "smooth":
         raise ValueError(

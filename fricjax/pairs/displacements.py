@@ -17,6 +17,7 @@ from ..data.segmentation.reversals import order_for, point_std, window
 from ..data.table import read_table
 from ..errors import DataError, UsageError
 from ..fitting.settings import check_start
+from ..numbers import real
 
 
 class Pairs(NamedTuple):
@@ -118,7 +119,9 @@ def checked_pairs(x0: Any, xf: Any, half_cycles: Any, sigma: Any) -> Pairs:
         UsageError: arrays of different lengths, or invalid numbers.
         DataError: values that are not finite.
     """
-    initial, final = (np.atleast_1d(np.asarray(values, float)) for values in (x0, xf))
+    initial, final = (
+        np.atleast_1d(real(name, each, "a list of displacements")) for name, each in (("x0", x0), ("xf", xf))
+    )
     if initial.ndim != 1 or initial.shape != final.shape:
         raise UsageError(f"x0 and xf must be lists of equal length, got shapes {initial.shape} and {final.shape}.")
     for name, values in (("x0", initial), ("xf", final)):

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..errors import DataError, UsageError
+from ..errors import DataError, UsageError, check_type
 from ..estimation.space import Parameter, ParameterSpace
 from ..fitting.names import check_identifiable, find_leaf, sole_coulomb
 from ..oscillator import Oscillator, ready
@@ -73,6 +73,7 @@ def fit_final_displacements(
         (0.05, [3, 4, 5], [0.05, 0.075])
     """
     ready()
+    check_type("oscillator", oscillator, Oscillator, "an Oscillator")
     pairs = checked_pairs(x0, xf, half_cycles, sigma)
     coulomb = sole_coulomb(oscillator.friction) is not None
     # The final displacements do not depend on the static coefficient of a Coulomb law, so bracket it instead.

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..data.gather import record_of
-from ..errors import DataError, UsageError
+from ..errors import DataError, UsageError, check_type
 from ..fitting import Fit
 from ..oscillator import ExponentialRelease, simulate
 from .result import Estimates
@@ -54,6 +54,7 @@ def fit_release(data: Any, fit: Fit) -> Estimates:
     """
     from scipy.optimize import least_squares
 
+    check_type("fit", fit, Fit, "the Fit of fricjax.fit")
     record = record_of(data)
     machine, offset, segmentation = fit.oscillator, fit.run_parameter("offset"), record.segmentation
     if not segmentation.turning_times.size:

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..errors import DataError
+from ..errors import DataError, check_type
 from ..friction import Coulomb
 from ..rig import Measured, Rig
 from .diagnostics import count_warnings, status_of_counts, student
@@ -97,6 +97,7 @@ def fit_triangle_map(x0: Any, xf: Any, rig: Rig, *, half_cycles: Any = None) -> 
         >>> round(fit.values["mu"], 6), round(fit.combined_std_errors["mu"], 4), fit.half_cycles.tolist()
         (0.05, 0.0005, [3, 4, 5])
     """
+    check_type("rig", rig, Rig, "a Rig")
     pairs = checked_pairs(x0, xf, half_cycles, None)
     counts, rho = _counts(pairs, rig)
     if not np.any(counts.half_cycles > 0):

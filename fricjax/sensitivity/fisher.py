@@ -14,11 +14,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import ArrayLike
 
-from ..errors import UsageError
+from ..errors import UsageError, check_type
 from ..estimation.covariance import quadratic
 from ..estimation.loss import Squares
 from ..fitting.derived import UNITS, derive
 from ..fitting.evaluation import evaluate
+from ..numbers import scalar
 from ..oscillator import Oscillator, simulate
 from ..oscillator.engines import AbstractEngine
 from ..settings import check_noise
@@ -82,7 +83,8 @@ def fisher(
         ('mu', 'x0', 'offset')
     """
     check_noise(noise)
-    motion = planned_motion(oscillator, float(x0))
+    check_type("oscillator", oscillator, Oscillator, "an Oscillator")
+    motion = planned_motion(oscillator, scalar("x0", x0))
     times = planned_times(motion, rate, duration) if ts is None else checked_times(ts)
     planned = plan(oscillator, x0, times, names, nuisance, noise=noise, engine=engine, motion=motion)
     normal, scales, parameters = _normal(planned), planned.scales, planned.parameters

@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from ..errors import UsageError
+from ..errors import UsageError, check_type
 from ..fitting import Fit
 from ..fitting.batch import Row, alone, solved_rows
 from ..fitting.chunks import blocks
@@ -23,6 +23,7 @@ def problem_of(fit: Fit) -> Problem:
     Raises:
         UsageError: the fit was read from a file, or found no optimum.
     """
+    check_type("fit", fit, Fit, "the Fit of fricjax.fit")
     if fit.problem is None:
         raise UsageError("This fit was read from a file, which does not hold its settings. Fit the record again.")
     if not fit.optimum_found:

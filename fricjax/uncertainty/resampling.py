@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from ..errors import UsageError, check_choice
+from ..errors import UsageError, check_choice, check_type
 from ..fitting import Fit
 from ..fitting.diagnostics import optimum_found
 from ..fitting.noise import Noise, whiteness
@@ -24,7 +24,7 @@ from .draws import AbstractDraws
 
 NOISES = ("blocks", "model")
 # Fewest records for quantiles of 2.5 %: one beyond each end.
-_FEWEST = 40
+_FEWEST, _MOST = 40, 1_000_000
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -121,8 +121,10 @@ def bootstrap(fit: Fit, draws: int = 1000, *, noise: str = "blocks", seed: int =
     """
     problem, values = problem_of(fit), optimum(fit)
     check_choice("noise", noise, NOISES)
-    if draws < _FEWEST:
-        raise UsageError(f"{draws} draws are too few for an interval of 95 %. Take {_FEWEST} at least, better 1000.")
+    check_type("draws", draws, (int, np.integer), "a number of draws")
+    if not _FEWEST <= draws <= _MOST:
+        much = "few" if draws < _FEWEST else "many"
+        raise UsageError(f"{draws} draws are too {much}. Take {_FEWEST} to {_MOST}; 1000 are enough.")
     parts = [_split(*each) for each in zip(problem.windows, fit.residuals_by_run, fit.noises, strict=True)]
     blocks = tuple(_block_length(random) for _, random in parts)
     if noise == "model":

@@ -59,7 +59,7 @@ def records_of(path: Path, kind: str, sheet: Sheet, choice: Choice, **of_format:
 
 
 def _check_circle(sheet: Sheet, pair: Pair, path: Path) -> None:
-    """Refuse columns x and y on a circle, as of a pendulum in a video."""
+    """Refuse coordinates on a circle, as of a filmed pendulum."""
     across = [c for c in sheet.columns if c.name.lower() == "y" and c.run == pair.x.run and c.fault is None]
     if pair.x.name.lower() != "x" or not across:
         return

@@ -3,7 +3,7 @@
 import dataclasses
 from typing import Any
 
-from ...errors import UsageError, nearest
+from ...errors import UsageError, check_type, nearest
 from ..units import DISPLACEMENT, check_rate
 from .header import scale_of
 
@@ -24,6 +24,10 @@ class Choice:
     run: Any = None
 
     def __post_init__(self) -> None:
+        for name in ("unit", "time_unit"):
+            check_type(name, getattr(self, name), str | None, "a text")
+        for name in ("column", "time"):
+            check_type(name, getattr(self, name), str | int | None, "the name or the number of a column")
         if self.rate is not None:
             check_rate(self.rate)
         if self.rate is not None and self.time is not None:

@@ -63,7 +63,7 @@ def choose(sheet: Sheet, choice: Choice, source: str) -> list[Pair]:
 
 
 def stated_rate(sheet: Sheet) -> float | None:
-    """Return the sample rate that a file states [Hz], None if there is none."""
+    """Return the sample rate in the file [Hz], None if unknown."""
     single = [column for column in sheet.columns if column.fault == SINGLE and names_rate(column.name)]
     if sheet.rate is not None or not single:
         return sheet.rate
@@ -72,7 +72,7 @@ def stated_rate(sheet: Sheet) -> float | None:
 
 
 def rivals(sheet: Sheet, x: Column) -> list[Column]:
-    """Return the other columns with the name of a displacement in the run of `x`."""
+    """Return the other columns of the run that may be displacements."""
     return [
         column
         for column in sheet.columns
@@ -213,7 +213,7 @@ def _pair(sheet: Sheet, run: str | None, choice: Choice, source: str) -> Pair:
 
 
 def _time(columns: Sequence[Column], x: Column, source: str, rate: float | None) -> Column | None:
-    """Select the time that belongs to x, None if the file states a rate instead.
+    """Select the time of x, None if the file states a rate.
 
     A time of the same run and folder is preferred to a time of the file, and a number of seconds to a time of day.
     Without names, the first column is the time.

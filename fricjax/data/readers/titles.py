@@ -104,7 +104,7 @@ def with_stated_units(titles: Titles, preamble: Sequence[str], kinds: list[str])
 
 
 def stated_rate(preamble: Sequence[str]) -> float | None:
-    """Return the sample rate [Hz] in a preamble, None if there is none."""
+    """Return the sample rate in a preamble [Hz], None if unknown."""
     text = "\n".join(preamble)[-_PREAMBLE:]
     rate, named, interval = _RATE.search(text), _NAMED_RATE.search(text), _INTERVAL.search(text)
     if rate is not None:

@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import DataError
+from ...errors import DataError, UsageError
+from ...numbers import real
 from .disturbance import disturbance
 from .half_cycles import HalfCycles, find_half_cycles
 from .noise import resolution, typical_interval, white_noise
@@ -130,7 +131,9 @@ def segment(t: Any, x: Any, sigma: Any = None, mask: Any = None) -> Segmentation
     # Import late: the trace imports JAX, and a refused record should not wait for it.
     from ..trace import MINIMUM_SAMPLES
 
-    t, x = np.asarray(t, dtype=np.float64), np.asarray(x, dtype=np.float64)
+    t, x = real("t", t, "a list of times"), real("x", x, "a list of displacements")
+    if t.ndim != 1 or t.shape != x.shape:
+        raise UsageError(f"t and x must have one entry for each sample, but their shapes are {t.shape} and {x.shape}.")
     used = np.isfinite(x) if mask is None else np.asarray(mask, dtype=bool) & np.isfinite(x)
     count = int(np.count_nonzero(used))
     if count < MINIMUM_SAMPLES:

@@ -101,8 +101,8 @@ def _detect_large_half_cycles(trace: PreparedTrace, pivots: list[int]) -> np.nda
     gaps = np.flatnonzero(np.diff(t) > 0.5 * trace.half_period)
     hidden = np.searchsorted(edges, t[gaps])
     # Across a gap in a hold, the mass does not move.
-    held = np.abs(trace.smoothed[gaps + 1] - trace.smoothed[gaps]) < trace.threshold
-    hidden = hidden[(hidden > 1) | ~held]
+    still = np.abs(trace.smoothed[gaps + 1] - trace.smoothed[gaps]) < trace.threshold
+    hidden = hidden[(hidden > 1) | ~still]
     for i in np.unique(hidden[(hidden > 0) & (hidden < edges.size)])[::-1]:
         # Extremes alternate, so the number of missing ones is even.
         missing = 2 * round(float((edges[i] - edges[i - 1]) / trace.half_period - 1) / 2)
@@ -111,7 +111,7 @@ def _detect_large_half_cycles(trace: PreparedTrace, pivots: list[int]) -> np.nda
 
 
 def _moved_into_gaps(trace: PreparedTrace, edges: np.ndarray) -> np.ndarray:
-    """Move reversals at the edge of a gap to where the period predicts them.
+    """Move reversals at the edge of a gap to their predicted times.
 
     The farthest sample lies at the edge if the reversal itself is missing.
     """
