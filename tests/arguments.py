@@ -65,7 +65,7 @@ def calls() -> Iterator[tuple[Callable[..., Any], dict[str, Any], dict[str, Any]
     yield fj.fit_triangle_map, {**pairs, "rig": rig}, {**of_pairs, "rig": OBJECTS}
     yield fj.pairs_of, {"records": [record]}, {"records": (NOTHING, OBJECT, EMPTY)}
     yield fj.read, {"source": RUN}, {
-        "source": (NOTHING, OBJECT, EMPTY, 1.0), "unit": (1.0, EMPTY, OBJECT, "parsec"), "column": (1.5, EMPTY, OBJECT),
+        "source": (NOTHING, OBJECT, EMPTY, 1.0), "unit": (1.0, EMPTY, OBJECT, "parsec"), "column": (1.5, OBJECT),
         "crop": (TEXT, 1.0, EMPTY, (0.0, TEXT)), "repair": (TEXT, 1.0, EMPTY), "rate": (-1.0, 0.0),
     }  # fmt: skip
     yield fj.write, {"record": record, "path": "run.csv"}, {"path": (*ODD, 1.0, "run.doc"), "record": (NOTHING, OBJECT)}

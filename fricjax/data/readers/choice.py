@@ -27,7 +27,7 @@ class Choice:
         for name in ("unit", "time_unit"):
             check_type(name, getattr(self, name), str | None, "a text")
         for name in ("column", "time"):
-            check_type(name, getattr(self, name), str | int | None, "the name or the number of a column")
+            check_type(name, getattr(self, name), str | int | list | None, "the name or the number of a column")
         if self.rate is not None:
             check_rate(self.rate)
         if self.rate is not None and self.time is not None:

@@ -172,6 +172,8 @@ def segment(t: Any, x: Any, sigma: Any = None, mask: Any = None) -> Segmentation
     half_cycles = find_half_cycles(trace, visible)
     if half_cycles is None:
         raise DataError(f"x is constant within its noise ({noise:.3g}); a decay needs a motion: check the column.")
+    noise = white_noise(t, x, step, half_cycles.edges) or noise
+    trace = dataclasses.replace(trace, noise=noise)
     # With the motion known, the full noise can be measured, not only its white part.
     total, drift, lines = disturbance(trace, half_cycles)
     # Smoothing does not reduce slow noise.

@@ -80,7 +80,7 @@ def _on_grid(multiples: np.ndarray, tolerance: float) -> np.ndarray:
     return (multiples.shape[-1] >= 20) & (near > 0.95)
 
 
-def white_noise(t: np.ndarray, x: np.ndarray, step: float = 0.0) -> float:
+def white_noise(t: np.ndarray, x: np.ndarray, step: float = 0.0, kinks: np.ndarray | None = None) -> float:
     """Estimate the standard deviation of the white noise of `x`.
 
     The result is at least the rounding noise `step / sqrt(12)`.
@@ -89,18 +89,22 @@ def white_noise(t: np.ndarray, x: np.ndarray, step: float = 0.0) -> float:
         t: times [s], shape `(n,)`, increasing, not necessarily evenly spaced.
         x: displacements, shape `(n,)`.
         step: the quantisation step of `x`, 0 for none.
+        kinks: times at which the motion is not smooth [s]: the reversals. Differences across them are left out of
+            short records; in long ones they are few.
 
     Returns:
         The smallest estimate from differences of several orders. A remainder of the motion only increases an estimate.
     """
-    estimates = _estimates(blocks(t) / typical_interval(t), blocks(x))
+    places = np.empty(0, int) if kinks is None or x.size > ENOUGH else np.searchsorted(t, kinks)
+    estimates = _estimates(blocks(t) / typical_interval(t), blocks(x), places)
     return float(max(min(estimates, default=0.0), step / np.sqrt(12.0)))
 
 
-def _estimates(t: np.ndarray, x: np.ndarray) -> list[float]:
+def _estimates(t: np.ndarray, x: np.ndarray, kinks: np.ndarray) -> list[float]:
     """Estimate the noise from the divided differences of each order.
 
-    Each estimate is the median size, scaled to the standard deviation of one sample.
+    Each estimate is the median size, scaled to the standard deviation of one sample. Differences of samples on both
+    sides of one of the indices `kinks` are left out if enough others remain.
     """
     estimates, differences = [], x
     # Evenly spaced samples share the weights of the first samples.
@@ -117,5 +121,9 @@ def _estimates(t: np.ndarray, x: np.ndarray) -> list[float]:
         if order in ORDERS:
             norm = np.sqrt(np.einsum("kbm,kbm->bm", weights, weights))
             sizes = np.abs(differences) / (norm[0, 0] if even else norm)
+            if kinks.size:
+                across = np.unique(np.clip(kinks[:, None] - np.arange(1, order + 1), 0, sizes.size - 1))
+                if across.size < sizes.size // 2:
+                    sizes = np.delete(sizes.ravel(), across)
             estimates.append(median(sizes) / NORMAL_MAD)
     return estimates
