@@ -134,7 +134,8 @@ def _chance(excess: float, left: float, independent: int) -> float:
     # Imported here because few fits need it and the import is slow.
     from scipy.special import fdtrc
 
-    return float(fdtrc(1, independent, (excess - left) * independent / max(left, np.finfo(float).tiny)))
+    with np.errstate(over="ignore"):
+        return float(fdtrc(1, independent, (excess - left) * independent / max(left, np.finfo(float).tiny)))
 
 
 def significant_force(
