@@ -153,9 +153,9 @@ def find_clock_faults(record: Record) -> list[ClockFault]:
         >>> import numpy as np
         >>> import fricjax as fj
         >>> record = fj.read(fj.data.example_paths().run)
-        >>> lost = fj.Record(record.t[:-1], np.delete(record.x, 640))
+        >>> lost = fj.Record(record.t[:-1], np.delete(record.x, 700))
         >>> [(fault.index, f"{1e3 * fault.shift:.2f} ms") for fault in fj.data.find_clock_faults(lost)]
-        [(640, '0.20 ms')]
+        [(700, '0.20 ms')]
     """
     return _clock_faults(record, _steps(record, None))
 
@@ -184,11 +184,11 @@ def repair_clock(record: Record) -> Record:
         >>> import numpy as np
         >>> import fricjax as fj
         >>> record = fj.read(fj.data.example_paths().run)
-        >>> lost = fj.Record(record.t[:-1], np.delete(record.x, 640))
+        >>> lost = fj.Record(record.t[:-1], np.delete(record.x, 700))
         >>> repaired = fj.data.repair_clock(lost)
         >>> print(repaired.log[-1])
-        repair_clock(): the clock is wrong by 0.2 ms at 0.128 s; 0 repeated samples removed
-        >>> bool(np.allclose(repaired.t, np.delete(record.t, 640)))
+        repair_clock(): the clock is wrong by 0.2 ms at 0.14 s; 0 repeated samples removed
+        >>> bool(np.allclose(repaired.t, np.delete(record.t, 700)))
         True
     """
     faults = find_clock_faults(record)

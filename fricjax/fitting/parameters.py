@@ -99,7 +99,6 @@ class Request:
         for name in ("bounds", "priors", "tie", "guess"):
             check_type(name, settings.get(name), Mapping | None, "a mapping from the names of parameters")
         check_type("nuisance", settings.get("nuisance"), str | list | tuple | None, "a list of names")
-        check_type("free", free, str | list | tuple | Mapping, "a list of names")
         check_type("start", settings.get("start", ""), str | Real, "a name or a time in s")
         oscillator, free, asked = asked_of(free, oscillator, settings)
         nuisance, rig = settings.get("nuisance"), settings.get("rig")

@@ -122,9 +122,10 @@ def bootstrap(fit: Fit, draws: int = 1000, *, noise: str = "blocks", seed: int =
     problem, values = problem_of(fit), optimum(fit)
     check_choice("noise", noise, NOISES)
     check_type("draws", draws, (int, np.integer), "a number of draws")
-    if not _FEWEST <= draws <= _MOST:
-        much = "few" if draws < _FEWEST else "many"
-        raise UsageError(f"{draws} draws are too {much}. Take {_FEWEST} to {_MOST}; 1000 are enough.")
+    if draws < _FEWEST:
+        raise UsageError(f"{draws} draws are too few for an interval of 95 %. Take {_FEWEST} at least, better 1000.")
+    if draws > _MOST:
+        raise UsageError(f"{draws} draws take too long. Take {_MOST} at most; 1000 are enough.")
     parts = [_split(*each) for each in zip(problem.windows, fit.residuals_by_run, fit.noises, strict=True)]
     blocks = tuple(_block_length(random) for _, random in parts)
     if noise == "model":
