@@ -187,7 +187,7 @@ def repair_clock(record: Record) -> Record:
         >>> lost = fj.Record(record.t[:-1], np.delete(record.x, 700))
         >>> repaired = fj.data.repair_clock(lost)
         >>> print(repaired.log[-1])
-        repair_clock(): the clock is wrong by 0.2 ms at 0.14 s; 0 repeated samples removed
+        repair_clock(): the clock is wrong by 200 us at 0.14 s; 0 repeated samples removed
         >>> bool(np.allclose(repaired.t, np.delete(record.t, 700)))
         True
     """
