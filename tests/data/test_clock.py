@@ -88,6 +88,12 @@ def test_records_that_no_fit_can_use_are_refused(name, refusal):
     assert refusal in str(error.value)
 
 
+@pytest.mark.parametrize("name", ["gap_1e5s.csv", "clock_set_in_run.csv"])
+def test_the_remedy_for_a_jump_of_the_clock_works(name):
+    found = inspect(read(CASES / name, repair="clock"))
+    assert found.duration == pytest.approx(2.0, abs=2e-3) and found.n_half_cycles > 5 and found.warnings == ()
+
+
 def test_a_slow_decay_in_strong_noise_is_no_constant():
     found = read(CASES / "noisy_constant.csv").segmentation
     assert found.frequency == pytest.approx(0.1127, rel=0.15)

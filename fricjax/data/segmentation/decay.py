@@ -209,7 +209,7 @@ def _check_gaps(t: np.ndarray, half_period: float) -> None:
     if gap > t.size * half_period:
         raise DataError(
             f"The clock jumps by {gap:.6g} s after {t[last]:.9g} s (sample {last + 1} of {t.size}): it was set, or a "
-            "time is wrong. Crop the record there, or number its samples with a rate."
+            "time is wrong. Read it with repair='clock', or crop it there."
         )
 
 
