@@ -54,8 +54,8 @@ def fit_release(data: Any, fit: Fit) -> Estimates:
     """
     from scipy.optimize import least_squares
 
-    check_type("fit", fit, Fit, "the Fit of fricjax.fit")
     record = record_of(data)
+    check_type("fit", fit, Fit, "the Fit of fricjax.fit")
     machine, offset, segmentation = fit.oscillator, fit.run_parameter("offset"), record.segmentation
     if not segmentation.turning_times.size:
         raise DataError("The record has no reversal, so there is no first half-cycle to evaluate.")

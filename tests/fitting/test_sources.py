@@ -90,7 +90,7 @@ REFUSED = {
     ),
     "a record": (
         {"data": coulomb_run(), "rate": 5.0},
-        r"rate= is no option for records\..* Options are sigma=, sign=, repair=\.$",
+        r"rate= is no option for records\..* Options are sigma=, sign=, crop=, repair=\.$",
     ),
     "a word": (
         {"data": np.zeros(9), "rate": "fast"},
