@@ -54,7 +54,7 @@ def curves_svg(curves: Iterable[Curve], x: tuple[str, str], y: tuple[str, str], 
         log_x: whether the abscissa is logarithmic; points that are not positive are left out.
 
     Returns:
-        The SVG element, or an empty string if no point is finite.
+        The SVG element; an empty string if no point is finite, or if their distance is not.
 
     Examples:
         >>> from fricjax.show.thumbnail import Curve, curves_svg
@@ -75,6 +75,8 @@ def curves_svg(curves: Iterable[Curve], x: tuple[str, str], y: tuple[str, str], 
     bounds_y = [edge for curve in drawn for edge in (curve.y - curve.std, curve.y + curve.std)]
     at_x = _Axis.of(factor_x * stacked("x"), _LEFT, _WIDTH - _RIGHT, log=log_x)
     at_y = _Axis.of(factor_y * np.concatenate(bounds_y), _HEIGHT - _BOTTOM, _TOP)
+    if not math.isfinite(at_x.high - at_x.low) or not math.isfinite(at_y.high - at_y.low):
+        return ""
     parts = [_frame(at_x, at_y, axis_label(x[0], unit_x), axis_label(y[0], unit_y))]
     for i, curve in enumerate(drawn):
         scaled_curve = curve._replace(x=factor_x * curve.x, y=factor_y * curve.y, std=factor_y * curve.std)

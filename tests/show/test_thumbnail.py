@@ -91,3 +91,7 @@ def test_pictures_stand_above_a_long_table_and_below_a_short_one():
     files = fj.data.example_paths()
     long = fj.friction_force_map(files.run, fj.Rig.from_toml(files.rig))
     assert long._repr_html_().startswith("<svg") and long._repr_html_().endswith("</table>")
+
+
+def test_values_too_far_apart_for_an_axis_give_no_picture():
+    assert curves_svg([Curve([0.0, 1.0], [-1e308, 1e308])], TIME, PATH) == ""
