@@ -94,4 +94,4 @@ def test_pictures_stand_above_a_long_table_and_below_a_short_one():
 
 
 def test_values_too_far_apart_for_an_axis_give_no_picture():
-    assert curves_svg([Curve([0.0, 1.0], [-1e308, 1e308])], TIME, PATH) == ""
+    assert curves_svg([Curve([0.0, 1.0], [-1e308, 1e308])], TIME, ("Ratio", "")) == ""
