@@ -109,9 +109,8 @@ def _clock_errors(t: np.ndarray, x: np.ndarray, places: np.ndarray, before: np.n
     At each place the samples on both sides are fitted by one polynomial and a step. Without the gap before the place,
     the step is the velocity times the clock error.
     """
-    errors = np.zeros(places.size)
     if not places.size:
-        return errors
+        return np.zeros(0)
     near = places[:, None] + np.arange(-_SIDE, _SIDE)
     times, values = t[near], x[near] - x[near].mean(axis=1, keepdims=True)
     # One tick passes for each sample written. A gap may be shorter or longer than the time that really passed.

@@ -49,9 +49,9 @@ def dropouts(t: np.ndarray, x: np.ndarray) -> list[Dropout]:
     slow = repeated_samples(t, x)
     step = resolution(x)
     noise = max(white_noise(t, x, step), 1e-11 * float(np.ptp(x)))
-    # A rounded motion stays within half a step on either side, and an encoder holds its value at a reversal.
     # Steps in a typical interval, so that a gap in the samples is no jump.
     steps = np.diff(x) / np.diff(t) * typical_interval(t)
+    # A rounded motion stays within half a step on either side, and an encoder holds its value at a reversal.
     far = max(_FAR * noise, 2.0 * step, _MOVES * float(np.sqrt(np.mean(steps**2))))
     return [
         Dropout(a, b, float(x[a]))

@@ -50,7 +50,9 @@ def find_slips(record: Record, fringe: float | None = None) -> list[Slip]:
     if fringe is not None and not 0 < scalar("fringe", fringe) < np.inf:
         raise UsageError(f"fringe must be a positive length in m, got {fringe!r}; one is 316.4e-9 or 158.2e-9.")
     steps = _steps(record, fringe)
-    return steps if fringe is not None else _slips_among(steps, _clock_faults(record, steps))
+    if fringe is not None or not steps:
+        return steps
+    return _slips_among(steps, _clock_faults(record, steps, find_dropouts(record)))
 
 
 def _steps(record: Record, fringe: float | None) -> list[Slip]:
@@ -160,7 +162,7 @@ def find_clock_faults(record: Record) -> list[ClockFault]:
         >>> [(fault.index, f"{1e3 * fault.shift:.2f} ms") for fault in fj.data.find_clock_faults(lost)]
         [(700, '0.20 ms')]
     """
-    return _clock_faults(record, _steps(record, None))
+    return _clock_faults(record, _steps(record, None), find_dropouts(record))
 
 
 def _slips_among(steps: list[Slip], clock: list[ClockFault]) -> list[Slip]:
@@ -169,10 +171,10 @@ def _slips_among(steps: list[Slip], clock: list[ClockFault]) -> list[Slip]:
     return [step for step in steps if step.index not in late]
 
 
-def _clock_faults(record: Record, steps: list[Slip]) -> list[ClockFault]:
+def _clock_faults(record: Record, steps: list[Slip], lost: list[Dropout]) -> list[ClockFault]:
     mask = record.mask.copy()
-    for lost in find_dropouts(record):
-        mask[lost.start : lost.stop] = False
+    for each in lost:
+        mask[each.start : each.stop] = False
     used = np.flatnonzero(mask)
     places = np.searchsorted(used, [step.index for step in steps])
     faults = clock_faults(record.t[used], record.x[used], places.tolist())
@@ -254,7 +256,7 @@ def reported_faults(record: Record, where: str = "") -> dict[str, str]:
             "left the range. Read it with repair='dropouts'."
         )
     steps = _steps(record, None)
-    clock = _clock_faults(record, steps)
+    clock = _clock_faults(record, steps, lost)
     if any(fault.shift for fault in clock) or sum(fault.repeats for fault in clock) > _MANY * len(record):
         sentences["clock"] = f"In the record{where} {_clock_words(record, clock)}. Read it with repair='clock'."
     slipped = _slips_among(steps, clock) if record.quantity == "m" else []

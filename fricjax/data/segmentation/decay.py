@@ -154,7 +154,6 @@ def segment(t: Any, x: Any, sigma: Any = None, mask: Any = None) -> Segmentation
         if fewest > x.size // MINIMUM_PER_HALF_CYCLE:
             raise DataError(_constant(x, f"within its noise: it spans {span:.3g} at a noise of {noise:.3g}"))
         coarse, noise_left = smooth(t, x, fewest, between), noise / fewest**0.5
-    span = seen if fewest > 1 else span
     half_period = _half_period(t, coarse, noise_left, step)
     _check_gaps(t, half_period)
     per_half_cycle = half_period / between
@@ -165,7 +164,7 @@ def segment(t: Any, x: Any, sigma: Any = None, mask: Any = None) -> Segmentation
         )
     width = max(int(per_half_cycle // 16) | 1 if per_half_cycle >= 48 else 1, fewest)
     # Noise alone spans ten standard deviations in a long rest, and less after smoothing.
-    visible = max(10.0 * noise / width**0.5, 2.0 * step, 1e-7 * span)
+    visible = max(10.0 * noise / width**0.5, 2.0 * step, 1e-7 * seen)
     x = without_spikes(t, x, max(noise, step), between, int(per_half_cycle))
     smoothed = smooth(t, x, width, between)
     trace = PreparedTrace(t, x, smoothed, noise, step, max(visible, 6.0 * noise), half_period, between)
@@ -192,10 +191,11 @@ def _constant(x: np.ndarray, within: str) -> str:
 def _check_alternation(x: np.ndarray) -> None:
     """Refuse a record that holds its turning points only."""
     moves = np.diff(x)
+    if x.size < MINIMUM_PER_HALF_CYCLE or np.mean(moves[1:] * moves[:-1] < 0) <= ALTERNATE:
+        return
     sizes = np.abs(moves)
     # Neighbouring half-cycles are nearly as large; of white noise, one in three does not alternate.
-    alike = np.median(np.abs(np.diff(sizes)) / np.maximum(sizes[1:], np.finfo(float).tiny))
-    if x.size >= MINIMUM_PER_HALF_CYCLE and np.mean(moves[1:] * moves[:-1] < 0) > ALTERNATE and alike < 0.5:
+    if np.median(np.abs(np.diff(sizes)) / np.maximum(sizes[1:], np.finfo(float).tiny)) < 0.5:
         raise DataError(
             "x changes sides from sample to sample: the record holds its turning points only, or two samples per "
             "cycle. A fit needs the motion between them: sample faster."
