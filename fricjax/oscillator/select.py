@@ -105,7 +105,8 @@ def half_cycle_capacity(oscillator: Oscillator, duration: float | None, x0: Any,
 
     Powers of two limit the number of compiled shapes. For a stiffening spring the bound uses the largest deflection
     reachable from `x0` [m] and `v0` [m/s]. Dry friction stops the mass after a number of half-cycles that does not
-    depend on the duration. If the duration or the oscillator is traced or batched, the capacity is 512.
+    depend on the duration. If the duration or the oscillator is traced or batched, or if nothing bounds the number, the
+    capacity is 512.
     """
     known = [concrete(v) for v in (oscillator.mass, oscillator.stiffness, x0, v0)]
     if duration is None or any(value is None for value in known):
@@ -121,4 +122,4 @@ def half_cycle_capacity(oscillator: Oscillator, duration: float | None, x0: Any,
     half_cycles = 1.2 * duration * math.sqrt(secant / mass) / math.pi + 4
     if half_cycles > 512:
         half_cycles = min(half_cycles, _half_cycles_to_rest(oscillator, reach, secant))
-    return max(16, 2 ** math.ceil(math.log2(half_cycles)))
+    return 512 if math.isinf(half_cycles) else max(16, 2 ** math.ceil(math.log2(half_cycles)))

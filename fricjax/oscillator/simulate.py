@@ -157,7 +157,7 @@ def _padded(times: Any, base_acceleration: ArrayLike | None, release: AbstractRe
     interval = times[-1] - times[-2] if times.size > 1 else 1.0
     xp = jnp if isinstance(times, Tracer) else np
     knots = xp.concatenate([times, times[-1] + interval * xp.arange(1, more + 1)])
-    return padded, Drive(knots, _pad(_floats(base_acceleration), more), release)
+    return padded, Drive(knots, _pad(_floats(base_acceleration, "base_acceleration"), more), release)
 
 
 def _pad(values: Any, more: int) -> Any:
@@ -174,7 +174,7 @@ def _limit_engine(oscillator: Oscillator, capacity: int) -> AbstractEngine | Non
     return select_engine("auto", dataclasses.replace(oscillator, friction=limit), max_half_cycles=capacity)
 
 
-def _floats(value: ArrayLike, name: str = "a value") -> Array | np.ndarray:
+def _floats(value: ArrayLike, name: str) -> Array | np.ndarray:
     """Convert to double precision; keep host values on the host.
 
     A compiled call accepts host arrays at less cost.
@@ -345,15 +345,15 @@ def final_displacement(oscillator: Oscillator, x0: ArrayLike, *, engine: str | A
     """
     ready()
     check_type("oscillator", oscillator, Oscillator, "an Oscillator")
-    x0 = _floats(x0, "x0")
+    x0 = _number("x0", x0)
     law = oscillator.friction
     if law.kind == "smooth":
         raise ValueError(
             f"Under {type(law).__name__} the mass creeps and never rests, so it has no final displacement. Use a law "
             "that holds the mass, such as Coulomb."
         )
-    chosen = select_engine(engine, oscillator, max_half_cycles=_half_cycles_to_rest(oscillator, x0))
-    return _final(chosen, oscillator, _number("x0", x0))
+    chosen = select_engine(engine, oscillator, max_half_cycles=half_cycle_capacity(oscillator, math.inf, x0, 0.0))
+    return _final(chosen, oscillator, x0)
 
 
 @jax.jit
@@ -367,17 +367,3 @@ def _final(engine: AbstractEngine, oscillator: Oscillator, x0: Array) -> Array:
         return Outputs((), (jnp.where(jnp.isfinite(motion.t_stop), motion.x[0], jnp.nan),))
 
     return transposable(outputs)((engine, oscillator, x0), jnp.zeros(0)).single[0]
-
-
-def _half_cycles_to_rest(oscillator: Oscillator, x0: ArrayLike) -> int:
-    """Return an upper bound on the number of half-cycles to rest.
-
-    The bound is a power of two and neglects damping. It is 512 if a value is traced.
-    """
-    start, band = concrete(x0), concrete(oscillator.normal_force)
-    if start is None or band is None or concrete(oscillator.stiffness) is None:
-        return 512
-    width = concrete(oscillator.dead_band)
-    if width is None or width <= 0:
-        return 512
-    return max(16, 2 ** int(np.ceil(np.log2(abs(start) / (2 * width) + 4))))
