@@ -20,7 +20,7 @@ from experiments.files.hostile_archives import ARCHIVES  # noqa: E402
 from experiments.files.hostile_formats import FORMAT_BOMBS, FORMATS  # noqa: E402
 from experiments.files.hostile_texts import FITS, NO_FILES, RIGS, TABLES, Hostile  # noqa: E402
 from experiments.files.hostile_trees import BOMBS, HDF5, MATLAB  # noqa: E402
-from experiments.files.outcome import Outcome, attempt, limit_memory  # noqa: E402
+from experiments.files.outcome import Outcome, attempt  # noqa: E402
 
 FILES: dict[str, dict[str, Hostile]] = {
     "tables": TABLES,
@@ -59,7 +59,6 @@ def _as_expected(outcome: Outcome, expected: str) -> bool:
 
 
 def main() -> int:
-    limit_memory(4.0)
     chosen = {kind: FILES[kind] for kind in sys.argv[1:] or FILES}
     wrong = 0
     with tempfile.TemporaryDirectory() as folder:

@@ -55,9 +55,12 @@ def use(path: Path) -> None:
 
 
 def attempt(path: Path) -> Outcome:
-    """Read one file and measure its CPU time and additional memory."""
+    """Read one file and measure its CPU time and additional memory.
+
+    Both include the reading process of binary formats.
+    """
     _forget_peak()
-    begin, before = time.process_time(), _peak()
+    begin, before = _cpu(), _peak()
     end, words = "read", ""
     try:
         with _limit(), warnings.catch_warnings():
@@ -76,7 +79,7 @@ def attempt(path: Path) -> Outcome:
         if isinstance(error, KeyboardInterrupt):
             raise
         end, words = type(error).__name__, str(error)[:200]
-    took, grown = time.process_time() - begin, _peak() - before
+    took, grown = _cpu() - begin, _peak() - before
     if took > SECONDS:
         end = "slow"
     elif grown > GIGABYTES:
@@ -107,18 +110,39 @@ def _limit() -> Iterator[None]:
         signal.setitimer(signal.ITIMER_REAL, 0)
 
 
+def _processes() -> list[str]:
+    """List this process and its children in `/proc`."""
+    children = [task.read_text().split() for task in Path("/proc/self/task").glob("*/children")]
+    return ["self", *(number for numbers in children for number in numbers)]
+
+
+def _cpu() -> float:
+    """Return the CPU time of this process and its children [s]."""
+    ended = resource.getrusage(resource.RUSAGE_CHILDREN)
+    running = 0.0
+    for number in _processes()[1:]:
+        with contextlib.suppress(OSError):
+            fields = Path(f"/proc/{number}/stat").read_text().rsplit(")")[1].split()
+            running += (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    return time.process_time() + ended.ru_utime + ended.ru_stime + running
+
+
 def _forget_peak() -> None:
-    with contextlib.suppress(OSError):
-        Path("/proc/self/clear_refs").write_text("5")
+    for number in _processes():
+        with contextlib.suppress(OSError):
+            Path(f"/proc/{number}/clear_refs").write_text("5")
 
 
 def _peak() -> float:
-    """Read the largest memory since the last reset [GB]."""
-    try:
-        status = Path("/proc/self/status").read_text()
-        return int(status.split("VmHWM:")[1].split()[0]) / 1e6
-    except (OSError, IndexError):
-        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
+    """Return the largest memory of a process since the last reset [GB].
+
+    A child that has ended since then does not count; its limits bound its memory.
+    """
+    peaks = []
+    for number in _processes():
+        with contextlib.suppress(OSError, IndexError):
+            peaks.append(int(Path(f"/proc/{number}/status").read_text().split("VmHWM:")[1].split()[0]) / 1e6)
+    return sum(peaks) or resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
 
 
 def limit_memory(extra: float) -> None:

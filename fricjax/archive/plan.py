@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 from ..data import plugins
 from ..data.files import check_regular, printable
-from ..data.read import READERS
+from ..data.read import SUFFIXES
 from ..errors import DataError, UsageError
 from .study import Law, Rule, Study, matches
 
@@ -259,7 +259,7 @@ def _files_below(study: Study, store: Path | None, links: list[str]) -> Iterator
     """
     if not study.root.is_dir():
         raise UsageError(f"There is no folder {study.root}. Give the folder that holds the runs, or their paths.")
-    suffixes = {*READERS, *(suffix.lower() for suffix in plugins.suffixes())}
+    suffixes = {*SUFFIXES, *(suffix.lower() for suffix in plugins.suffixes())}
     inside = None if store is None else os.path.realpath(store)
     names = sorted(_walked(study.root, "", inside, links))
     for name in names:

@@ -85,12 +85,12 @@ def platform_facts() -> dict[str, Any]:
     """Return precision, devices, file formats and extras."""
     import jax
 
-    from ..data.read import READERS
+    from ..data.read import SUFFIXES
 
     return {
         "x64": bool(jax.config.read("jax_enable_x64")),
         "devices": [str(device) for device in jax.devices()],
-        "formats": list(READERS),
+        "formats": list(SUFFIXES),
         "extras": {extra: not missing(extra) for extra in _EXTRAS},
     }
 

@@ -1,7 +1,6 @@
 """Checks and size limits for files of unknown origin; TOML settings.
 
-A path may lead to a missing file, to a pipe without end, or to a file of a few kilobytes that declares an array of
-terabytes. The readers therefore compare declared sizes with the file size before they unpack anything.
+A path may lead to a missing file, to a pipe without end, or to a file of a few kilobytes that unpacks to terabytes.
 """
 
 import os
@@ -96,21 +95,6 @@ def check_distinct(paths: Iterable[Path]) -> None:
 def allowance(path: Path) -> int:
     """Return the largest plausible size of a file's arrays [bytes]."""
     return min(max(_ALWAYS, _PACKED * path.stat().st_size), _LARGEST)
-
-
-def check_size(path: Path, subject: str, numbers: int) -> None:
-    """Refuse an array that is declared too large for its file.
-
-    The check runs before any data are read.
-
-    Raises:
-        DataError: the array is too large; the message names the file and the `subject`, such as "'x'".
-    """
-    if not 0 <= numbers * NUMBER <= allowance(path):
-        raise DataError(
-            f"{subject} in {path.name} is not read: it is declared to have {gigabytes(numbers * NUMBER)}, more than "
-            "plausible for a file of this size."
-        )
 
 
 def library(path: Path, module: str, extra: str) -> Any:
@@ -217,22 +201,3 @@ def naming(path: str | Path) -> Iterator[None]:
         yield
     except UsageError as error:
         raise UsageError(f"{path}: {error}") from error
-
-
-@contextmanager
-def damage(path: Path, kind: str, hint: str = "it is damaged or of another format") -> Iterator[None]:
-    """Convert the exceptions of a library for a damaged file to `DataError`.
-
-    The exceptions of zip, HDF5 and MATLAB readers for unexpected bytes are not documented and range from zlib.error to
-    RecursionError. The package's own errors pass unchanged.
-
-    Raises:
-        DataError: the file cannot be read.
-    """
-    try:
-        yield
-    except (DataError, UsageError):
-        raise
-    except Exception as error:
-        words = " ".join(str(error).split()) or type(error).__name__
-        raise DataError(f"{path.name} cannot be read as {kind} ({words[:120]}); {hint}.") from error

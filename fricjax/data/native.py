@@ -44,23 +44,36 @@ def decode(arrays: dict[str, np.ndarray], texts: dict[str, str], source: str) ->
     """
     for name in ("t", "x", "mask"):
         if name not in arrays:
-            raise _damaged(source, f"'{name}' is missing")
+            raise damaged(source, f"'{name}' is missing")
     for name, array in arrays.items():
         if name in COLUMNS and np.asarray(array).dtype.kind not in "fiub":
-            raise _damaged(source, f"'{name}' holds {np.asarray(array).dtype} instead of real numbers")
+            raise damaged(source, f"'{name}' holds {np.asarray(array).dtype} instead of real numbers")
     mask = np.asarray(arrays["mask"])
     if not np.all((mask == 0) | (mask == 1)):
-        raise _damaged(source, "'mask' holds other values than 0 and 1")
+        raise damaged(source, "'mask' holds other values than 0 and 1")
     from .trace import Trace
 
     meta, steps = _meta(texts, source), _log(texts, source)
     try:
         return Record(Trace(arrays["t"], arrays["x"], arrays.get("sigma"), mask.astype(bool)), meta, steps)
     except DataError as error:
-        raise _damaged(source, str(error).rstrip(".")) from error
+        raise damaged(source, str(error).rstrip(".")) from error
 
 
-def _damaged(source: str, what: str) -> DataError:
+def restored(arrays: dict[str, np.ndarray], texts: dict[str, str], source: str) -> Record:
+    """Restore a record from a file of any version.
+
+    Raises:
+        DataError: a later version wrote it, or a part is missing or invalid.
+    """
+    check_schema(texts[MARK], source)
+    if "sigma" in arrays and arrays["sigma"].size == 1:
+        arrays = {**arrays, "sigma": arrays["sigma"].reshape(())}
+    return decode(arrays, texts, source)
+
+
+def damaged(source: str, what: str) -> DataError:
+    """Return the error for a record in the package's own format."""
     return DataError(f"{source} claims to be a fricjax record, but it is damaged: {what}.")
 
 
@@ -69,19 +82,19 @@ def _json(texts: dict[str, str], name: str, source: str) -> Any:
         return json.loads(texts.get(name, ""))
     except (ValueError, RecursionError) as error:
         words = "nested too deeply" if isinstance(error, RecursionError) else str(error)[:120]
-        raise _damaged(source, f"'{name}' is no JSON ({words})") from error
+        raise damaged(source, f"'{name}' is no JSON ({words})") from error
 
 
 def _meta(texts: dict[str, str], source: str) -> dict[str, Any]:
     """Parse the metadata and check the entries that the package uses."""
     meta = _json(texts, "meta", source)
     if not isinstance(meta, dict):
-        raise _damaged(source, f"'meta' must be an object, but it is {brief(meta)}")
+        raise damaged(source, f"'meta' must be an object, but it is {brief(meta)}")
     if meta.get("quantity", "m") not in ("m", "rad"):
-        raise _damaged(source, f"'quantity' must be 'm' or 'rad', but it is {brief(meta['quantity'])}")
+        raise damaged(source, f"'quantity' must be 'm' or 'rad', but it is {brief(meta['quantity'])}")
     release = meta.get("release_time")
     if release is not None and not (isinstance(release, float | int) and abs(release) < 1e300):
-        raise _damaged(source, f"'release_time' must be a number of seconds, but it is {brief(release)}")
+        raise damaged(source, f"'release_time' must be a number of seconds, but it is {brief(release)}")
     return meta
 
 
@@ -90,7 +103,7 @@ def _log(texts: dict[str, str], source: str) -> tuple[Step, ...]:
     kinds = {"name": str, "parameters": dict, "effect": str}
     for entry in log if isinstance(log, list) else [log]:
         if not isinstance(entry, dict) or not all(isinstance(entry.get(key), kind) for key, kind in kinds.items()):
-            raise _damaged(source, f"'log' must be a list of steps with {', '.join(kinds)}, but has {brief(entry)}")
+            raise damaged(source, f"'log' must be a list of steps with {', '.join(kinds)}, but has {brief(entry)}")
     return tuple(Step(entry["name"], entry["parameters"], entry["effect"]) for entry in log)
 
 

@@ -10,7 +10,7 @@ is 5 kHz and the noise 5 nm. `meta["coefficients"]` of the record holds the true
 """
 
 import dataclasses
-import importlib
+import functools
 import inspect
 import os
 from collections.abc import Callable, Collection
@@ -19,23 +19,37 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, overload
 
 from ..errors import DataError, UsageError, brief, nearest
 from .files import check_file
+from .reader_process import Format, read_content
 from .readers.choice import Choice
 
 if TYPE_CHECKING:
     from .record import Record
 
-READERS = {
-    **dict.fromkeys((".csv", ".txt", ".dat", ".tsv", ".asc", ".lvm", ".log", ".prn", ".tab"), ("csv", "read_csv")),
-    ".npz": ("npz", "read_npz"),
-    ".mat": ("mat", "read_mat"),
-    **dict.fromkeys((".xlsx", ".xlsm"), ("excel", "read_excel")),
-    **dict.fromkeys((".h5", ".hdf5"), ("hdf5", "read_hdf5")),
-    ".nc": ("netcdf", "read_netcdf"),
-    ".tdms": ("tdms", "read_tdms"),
-    **dict.fromkeys((".parquet", ".pq"), ("parquet", "read_parquet")),
-    **dict.fromkeys((".uff", ".unv"), ("uff", "read_uff")),
-    **dict.fromkeys((".mf4", ".mdf"), ("mdf", "read_mdf")),
+_TEXTS = (".csv", ".txt", ".dat", ".tsv", ".asc", ".lvm", ".log", ".prn", ".tab")
+_HDF5, _MATLAB = Format("hdf5", "HDF5", "hdf5"), Format("mat", "a MATLAB file", "mat", options=("row", "cells"))
+_EXCEL = Format("excel", ".xlsx", "xlsx", ("openpyxl", "excel"), ("skip_rows", "header"))
+_PARQUET = Format("parquet", "Parquet", "parquet", ("pyarrow.parquet", "parquet"))
+_UFF = Format("uff", "a universal file", "uff", ("pyuff", "uff"))
+_MDF = Format("mdf", "MDF", "mdf", ("asammdf", "mdf"))
+FORMATS = {
+    ".npz": Format("npz", ".npz", "npz"),
+    ".mat": _MATLAB,
+    ".xlsx": _EXCEL,
+    ".xlsm": _EXCEL,
+    ".h5": _HDF5,
+    ".hdf5": _HDF5,
+    ".nc": Format("netcdf", "netCDF", "netcdf"),
+    ".tdms": Format("tdms", "TDMS", "tdms", ("nptdms", "tdms")),
+    ".parquet": _PARQUET,
+    ".pq": _PARQUET,
+    ".uff": _UFF,
+    ".unv": _UFF,
+    ".mf4": _MDF,
+    ".mdf": _MDF,
 }
+"""Binary formats by suffix."""
+SUFFIXES = (*_TEXTS, *FORMATS)
+"""Suffixes of the formats that this package reads."""
 # Options of all files and tables.
 _COMMON = tuple(field.name for field in dataclasses.fields(Choice))
 # Options that are applied to the record, for all sources.
@@ -122,19 +136,20 @@ def _content(source: Any, options: dict[str, Any]) -> Any:
     else:
         from .readers.memory import memory_reader
 
-        reader, kind = memory_reader(source)
-    parameters = inspect.signature(reader).parameters
-    if "choice" not in parameters:
+        function, kind = memory_reader(source)
+        reader = _Reader.of(function)
+    alone = not reader.takes_choice and str(options.get("run")).lower() == "all" and "run" not in reader.options
+    if alone:
         # A plug-in without the option run= reads one run per file.
-        alone = str(options.get("run")).lower() == "all" and "run" not in parameters
-        options = {name: value for name, value in options.items() if not (alone and name == "run")}
-        _check_options(reader, kind, options)
-        return [reader(source, **options)] if alone else reader(source, **options)
-    _check_options(reader, kind, options)
+        del options["run"]
+    reader.check(kind, options)
+    if not reader.takes_choice:
+        content = reader.function(source, **options)
+        return [content] if alone else content
     common = {name: value for name, value in options.items() if name in _COMMON}
     of_format = {name: value for name, value in options.items() if name not in _COMMON}
     choice = Choice(**common)
-    content = reader(source, choice, **of_format)
+    content = reader.function(source, choice, **of_format)
     # A file in the package's own format holds one run and is restored as it was written.
     return content if isinstance(content, list) or not choice.all_runs else [content]
 
@@ -153,38 +168,71 @@ def check(path: Path, options: Collection[str] = ()) -> None:
         UsageError: an option is unknown to the format.
     """
     check_file(path)
-    if path.suffix.lower() not in READERS or options:
-        _check_options(_reader(path), f"{path.suffix} files", options)
+    if path.suffix.lower() not in SUFFIXES or options:
+        _reader(path).check(f"{path.suffix} files", options)
 
 
-def _reader(path: Path) -> "Callable[..., Record]":
+class _Reader(NamedTuple):
+    """A function that reads a source, with its options.
+
+    `takes_any` is True for a plug-in that checks its options itself.
+    """
+
+    function: Callable[..., Any]
+    options: tuple[str, ...]
+    takes_choice: bool = True
+    takes_any: bool = False
+
+    @classmethod
+    def of(cls, function: Callable[..., Any]) -> "_Reader":
+        """Return the reader of a function with its options as keywords."""
+        parameters = inspect.signature(function).parameters
+        options = [name for name, parameter in parameters.items() if parameter.kind is parameter.KEYWORD_ONLY]
+        takes_any = any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters.values())
+        return cls(function, tuple(options), "choice" in parameters, takes_any)
+
+    def check(self, kind: str, options: Collection[str]) -> None:
+        """Refuse unknown options; messages name the `kind` of source.
+
+        Raises:
+            UsageError: an unknown option; the message offers the nearest.
+        """
+        common = _COMMON if self.takes_choice else ()
+        known = [f"{name}=" for name in (*common, *self.options, *_AFTER)]
+        for name in () if self.takes_any else options:
+            if f"{name}=" not in known:
+                raise UsageError(
+                    f"{name}= is no option for {kind}.{nearest(f'{name}=', known)} Options are {', '.join(known)}."
+                )
+
+
+def _reader(path: Path) -> _Reader:
     suffix = path.suffix.lower()
-    if suffix in READERS:
-        module, name = READERS[suffix]
-        return getattr(importlib.import_module(f".readers.{module}", __package__), name)
+    if suffix in _TEXTS:
+        from .readers.csv import read_csv
+
+        return _Reader.of(read_csv)
+    if suffix in FORMATS:
+        file_format = FORMATS[suffix]
+        return _Reader(functools.partial(_read_binary, file_format), file_format.options)
     from . import plugins
 
     reader = plugins.reader_of(path)
     if reader is not None:
-        return reader
-    known = ", ".join(dict.fromkeys((*READERS, *plugins.suffixes())))
+        return _Reader.of(reader)
+    known = ", ".join(dict.fromkeys((*SUFFIXES, *plugins.suffixes())))
     got = f"the suffix '{path.suffix}'" if path.suffix else "no suffix"
     raise DataError(f"{path.name} is of an unknown format: it has {got}, and known are {known}. Export it as .csv.")
 
 
-def _check_options(reader: "Callable[..., Any]", kind: str, options: Collection[str]) -> None:
-    parameters = inspect.signature(reader).parameters
-    if any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters.values()):
-        return
-    common = _COMMON if "choice" in parameters else ()
-    of_format = [name for name, parameter in parameters.items() if parameter.kind is parameter.KEYWORD_ONLY]
-    known = [f"{name}=" for name in (*common, *of_format)]
-    known += [f"{name}=" for name in _AFTER]
-    for name in options:
-        if f"{name}=" not in known:
-            raise UsageError(
-                f"{name}= is no option for {kind}.{nearest(f'{name}=', known)} Options are {', '.join(known)}."
-            )
+def _read_binary(file_format: Format, path: Path, choice: Choice, **options: Any) -> "Record | list[Record]":
+    from .native import restored
+    from .readers.assemble import assemble_all, with_choice
+
+    runs, record = read_content(path, file_format, choice, options)
+    if record is not None:
+        return with_choice(restored(*record, path.name), choice)
+    return assemble_all(path, file_format.name, runs, choice, **options)
 
 
 class ExamplePaths(NamedTuple):

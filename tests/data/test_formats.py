@@ -1,8 +1,8 @@
 """Each binary format returns its runs and units, or a clear refusal."""
 
 import itertools
-import sys
 import warnings
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -233,11 +233,15 @@ EXTRAS = [
 def test_a_missing_extra(tmp_path, monkeypatch):
     def check(suffix, module, extra):
         (tmp_path / f"run.{suffix}").write_bytes(b"MDF     4.10    " + bytes(100))
-        monkeypatch.setitem(sys.modules, module, None)
+        (tmp_path / f"{module.split('.')[0]}.py").write_text("raise ImportError")
+        # Another thread starts another reading process, with the new path.
+        reading = pool.submit(read, tmp_path / f"run.{suffix}")
         with pytest.raises(UsageError, match=rf"needs the package \w+: pip install 'fricjax\[{extra}\]'"):
-            read(tmp_path / f"run.{suffix}")
+            reading.result()
 
-    check_rows(check, EXTRAS)
+    monkeypatch.syspath_prepend(tmp_path)
+    with ThreadPoolExecutor(1) as pool:
+        check_rows(check, EXTRAS)
 
 
 def test_damaged_files(tmp_path):

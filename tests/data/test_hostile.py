@@ -4,25 +4,22 @@ import os
 import subprocess
 import sys
 import types
+import warnings
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-import h5py
 import numpy as np
 import pytest
 import scipy.io
+import scipy.sparse
 
 from experiments.files.hostile import FILES, verdict
-from experiments.files.hostile_trees import KINDS, save_kinds
 from experiments.files.mutate import mutated
 from experiments.files.outcome import attempt
-from experiments.files.seeds import SEEDS, write_seeds
+from experiments.files.seeds import SEEDS, N, T, X, write_seeds
 from fricjax import read
 from fricjax.calibrate.frf import read_frf
-from fricjax.data import files as content_module
 from fricjax.data.gather import gather
-from fricjax.data.readers.matlab import Opaque, load_tree
-from fricjax.data.readers.nodes import opened
-from fricjax.data.readers.npz import load_arrays
 from fricjax.errors import DataError, brief
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -49,9 +46,9 @@ def differences(folder, files):
 
 
 def test_a_refusal_of_one_reader_is_one_of_every_function_that_reads(tmp_path):
-    path = tmp_path / "swells.h5"
-    FILES["HDF5"]["swells.h5"][0](path)
-    with pytest.raises(DataError, match=r"swells\.h5 is not read: its chunks are not of the size"):
+    path = tmp_path / "virtual.h5"
+    FILES["HDF5"]["virtual.h5"][0](path)
+    with pytest.raises(DataError, match="in another file"):
         gather(path)
 
 
@@ -120,14 +117,6 @@ def test_tables_of_receptances_are_files_as_well(tmp_path):
         read_frf(tmp_path / "frf.csv")
 
 
-def test_what_is_no_displacement_comes_back_as_such(tmp_path):
-    save_kinds(tmp_path / "kinds.mat")
-    tree = load_tree(tmp_path / "kinds.mat")
-    assert np.array_equal(tree["complex"], KINDS["complex"])
-    assert tree["sparse"] == Opaque("a sparse matrix")
-    assert tree["empty"].shape == (0, 0) and tree["cells"] == ["a", "b"]
-
-
 VARIABLES = {
     "real": np.arange(6.0).reshape(2, 3),
     "single": np.array([[1.5]], np.float32),
@@ -140,63 +129,67 @@ VARIABLES = {
     "none": "",
     "cells": np.array([[np.eye(2), "text"], [np.zeros((0, 0)), 5.0]], dtype=object),
     "struct": {"a": 1.0, "b": {"c": "deep", "d": np.arange(3)}},
+    "sparse": scipy.sparse.csc_matrix(np.diag(X)),
     "structs": np.array([(1.0, "x"), (2.0, "y")], dtype=[("p", object), ("q", object)]),
 }
 
 
-def plain(value):
-    """Convert values from scipy to dicts, lists, arrays and texts."""
-    if value.dtype.names:
-        structs = [{name: plain(item[name]) for name in value.dtype.names} for item in value.ravel(order="F")]
-        return structs[0] if len(structs) == 1 else structs
-    if value.dtype == object:
-        return [plain(item) for item in value.ravel(order="F")]
-    return (str(value.ravel()[0]) if value.size else "") if value.dtype.kind == "U" else value
+REASONS = {
+    "complex": "complex",
+    "sparse": "is a sparse matrix",
+    "text": "text",
+    "none": "text",
+    "struct": "is a structure; name one of its fields: 'a', 'b'",
+    "block": "has shape",
+}
 
 
 @pytest.mark.parametrize("options", [{}, {"do_compression": True}, {"format": "4"}], ids=["v5", "packed", "v4"])
-def test_matlab_files_hold_what_scipy_finds_in_them(tmp_path, options):
+def test_matlab_variables_of_all_types_are_found(tmp_path, options):
     path = tmp_path / "all.mat"
-    kinds = ("real", "complex", "text", "lines") if "format" in options else VARIABLES
-    scipy.io.savemat(path, {name: VARIABLES[name] for name in kinds}, **options)
-    expected = {name: plain(value) for name, value in scipy.io.loadmat(path).items() if not name.startswith("__")}
-    found = load_tree(path)
-    assert list(found) == list(expected)
-    np.testing.assert_equal(found, expected)
+    names = ("real", "complex", "text") if "format" in options else VARIABLES
+    scipy.io.savemat(path, {"t": T, "x": X} | {name: VARIABLES[name] for name in names}, **options)
+    assert read(path, column="real", rate=1.0, unit="m").x.tolist() == [0.0, 1.0, 2.0]
+    assert np.array_equal(read(path, column="x", unit="m").x, X)
+    for name, reason in REASONS.items():
+        if name in names:
+            with pytest.raises(DataError, match=reason):
+                read(path, column=name, rate=1.0, unit="m")
 
 
-def test_a_part_that_is_too_large_does_not_hide_the_others(tmp_path, monkeypatch):
-    scipy.io.savemat(tmp_path / "run.mat", {"film": np.zeros((100, 100)), "x": np.arange(5.0)})
-    with h5py.File(tmp_path / "run73.mat", "w") as file:
-        file["film"], file["x"] = np.zeros((100, 100)), np.arange(5.0)
-    monkeypatch.setattr(content_module, "_ALWAYS", 1000)
-    monkeypatch.setattr(content_module, "_PACKED", 0)
-    for name in ("run.mat", "run73.mat"):
-        tree = load_tree(tmp_path / name)
-        assert "plausible for a file of this size" in tree["film"].kind
-        assert np.array_equal(np.ravel(tree["x"]), np.arange(5.0))
-
-
-def test_archives_hold_what_numpy_finds_in_them(tmp_path):
+def test_archives_of_all_layouts_are_read(tmp_path):
     arrays = {
-        "a": np.arange(6).reshape(2, 3).T,
-        "b": np.array("text"),
-        "c": np.zeros((0, 2)),
-        "d": np.arange(3, dtype=">i2"),
+        "t": T.astype(">f8"),
+        "x_m": np.stack([X, -X], axis=1).T,
+        "text": np.array("a"),
+        "empty": np.zeros((0, 2)),
     }
     np.savez_compressed(tmp_path / "a.npz", **arrays)
-    found = load_arrays(tmp_path / "a.npz")
-    assert list(found) == list(arrays)
-    for name, array in arrays.items():
-        assert found[name].dtype == array.dtype and np.array_equal(found[name], array)
+    assert np.array_equal(read(tmp_path / "a.npz", column="x[1]").x, -X)
 
 
-def test_large_records_that_are_packed_well_are_read(tmp_path):
-    """Twelve million equal numbers are a hundred times smaller on disk."""
-    with h5py.File(tmp_path / "long.h5", "w") as file:
-        file.create_dataset("x", data=np.zeros(12_000_000, "f4"), compression="gzip", chunks=(1 << 20,))
-    with opened(tmp_path / "long.h5") as tree:
-        assert tree.read(tree.data_sets()["/x"]).size == 12_000_000
+def test_a_crash_does_not_affect_the_next_file(tmp_path):
+    for name in ("too_short.h5", "heap_zero.h5"):
+        FILES["HDF5"][name][0](tmp_path / name)
+        with pytest.raises(DataError, match=r"crashed|takes more than"):
+            read(tmp_path / name)
+        SEEDS["plain.h5"](tmp_path / "good.h5")
+        assert read(tmp_path / "good.h5").trace.n == N
+
+
+def test_a_forked_process_and_a_thread_read_on_their_own(tmp_path):
+    SEEDS["stored.npz"](tmp_path / "a.npz")
+    assert read(tmp_path / "a.npz").trace.n == N
+    with ThreadPoolExecutor(2) as pool:
+        lengths = pool.map(lambda path: len(read(path)), [tmp_path / "a.npz"] * 8)
+    assert list(lengths) == [N] * 8
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        child = os.fork()
+    if child == 0:
+        os._exit(0 if read(tmp_path / "a.npz").trace.n == N else 1)
+    assert os.waitpid(child, 0)[1] == 0
+    assert read(tmp_path / "a.npz").trace.n == N
 
 
 def test_values_are_shown_in_brief():

@@ -4,9 +4,9 @@ Error messages name file, column and row.
 """
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,15 +14,12 @@ from ...errors import DataError, quoted
 from ..record import Record, Step
 from ..units import DISPLACEMENT, TIME
 from .choice import Choice
-from .choose import Pair, choose, rivals, stated_rate
 from .header import rate_of_change, scale_of
+from .samples import Samples, samples_of
 from .sheet import Column, Sheet
 
 if TYPE_CHECKING:
     from ..trace import Trace
-
-# Scatter about a circle, relative to that about a straight line, below which two coordinates lie on a circle.
-_ON_CIRCLE = 0.2
 
 
 def records_of(path: Path, kind: str, sheet: Sheet, choice: Choice, **of_format: Any) -> Record | list[Record]:
@@ -36,65 +33,20 @@ def records_of(path: Path, kind: str, sheet: Sheet, choice: Choice, **of_format:
         of_format: the other options, for the log.
 
     Raises:
-        DataError: see `choose` and `assemble`.
+        DataError: see `samples_of` and `assemble`.
     """
-    pairs = choose(sheet, choice, path.name)
-    if choice.column is None:
-        for pair in pairs:
-            _check_circle(sheet, pair, path)
-    wanted = list(dict.fromkeys(column for pair in pairs for column in pair if column is not None))
-    loaded = (np.asarray(numbers, dtype=np.float64).ravel() for numbers in sheet.load(wanted))
-    values = dict(zip(wanted, loaded, strict=True))
-    records, named = [], choice.column is not None
-    for x, time in pairs:
-        samples = Samples(x, values[x], time, None if time is None else values[time], sheet.place)
-        known = dataclasses.replace(choice, rate=stated_rate(sheet)) if time is None and choice.rate is None else choice
-        record = assemble(path, kind, samples, known, **of_format)
-        others = [] if named else [column.name for column in rivals(sheet, x)]
-        if others:
-            first = dataclasses.replace(record.log[0], effect=f"{record.log[0].effect}, not {quoted(others)}")
-            record = Record(record.trace, record.meta, (first, *record.log[1:]))
-        records.append(record)
+    return assemble_all(path, kind, samples_of(sheet, choice, path.name), choice, **of_format)
+
+
+def assemble_all(
+    path: Path, kind: str, runs: Sequence[Samples], choice: Choice, **of_format: Any
+) -> Record | list[Record]:
+    """Return the record, or a list for `run="all"`.
+
+    Arguments and errors are as in `assemble`.
+    """
+    records = [assemble(path, kind, samples, choice, **of_format) for samples in runs]
     return records if choice.all_runs else records[0]
-
-
-def _check_circle(sheet: Sheet, pair: Pair, path: Path) -> None:
-    """Refuse coordinates on a circle, as of a filmed pendulum."""
-    across = [c for c in sheet.columns if c.name.lower() == "y" and c.run == pair.x.run and c.fault is None]
-    if pair.x.name.lower() != "x" or not across:
-        return
-    x, y = (np.asarray(each, dtype=np.float64).ravel() for each in sheet.load([pair.x, across[0]]))
-    used = np.isfinite(x) & np.isfinite(y) if x.size == y.size else np.zeros(0, bool)
-    if np.count_nonzero(used) < 10 or np.ptp(x[used]) == 0 or np.ptp(y[used]) == 0:
-        return
-    x, y = x[used] - x[used].mean(), y[used] - y[used].mean()
-    # Circle by linear least squares (Kasa, 1976): x^2 + y^2 = 2 a x + 2 b y + c.
-    basis = np.stack([x, y, np.ones(x.size)], axis=1)
-    (a, b, c), *_ = np.linalg.lstsq(basis, x**2 + y**2)
-    radius = float(np.sqrt(c + (a**2 + b**2) / 4))
-    off = np.std(np.hypot(x - a / 2, y - b / 2) - radius)
-    straight = np.std(y - x * (x @ y) / (x @ x))
-    # A mass on a spring moves on a straight line, which a circle of any size fits no better.
-    if np.isfinite(radius) and off < _ON_CIRCLE * straight:
-        raise DataError(
-            f"'x' and 'y' of {path.name} lie on a circle of radius {radius:.4g}, as of a filmed pendulum. "
-            "x = L sin(theta) is no displacement that fricjax can fit: convert it to the angle, or give column='x' to "
-            "fit it as it is."
-        )
-
-
-class Samples(NamedTuple):
-    """The numbers of one run, before the conversion of units.
-
-    `time` and `times` are None if a rate is given; `place(i)` describes the position of sample `i` in the file
-    ("row 17").
-    """
-
-    x: Column
-    values: np.ndarray
-    time: Column | None
-    times: np.ndarray | None
-    place: Callable[[int], str]
 
 
 def assemble(path: Path, kind: str, samples: Samples, choice: Choice, **of_format: Any) -> Record:
@@ -113,6 +65,8 @@ def assemble(path: Path, kind: str, samples: Samples, choice: Choice, **of_forma
     from ..trace import MINIMUM_SAMPLES, Trace
 
     samples = _without_blank_rows(samples)
+    if samples.time is None and choice.rate is None:
+        choice = dataclasses.replace(choice, rate=samples.rate)
     x, values, time = samples.x, samples.values, samples.time
     where = f"the displacement '{x.name}' of {path.name}"
     _refuse_rates_of_change(path, x, choice)
@@ -139,7 +93,7 @@ def assemble(path: Path, kind: str, samples: Samples, choice: Choice, **of_forma
         **({} if x.run is None else {"run": x.run}),
         **({} if unit else {"warnings": [_unit_missing(path, samples, choice)]}),
     }
-    read = Step("read", _plain({**vars(choice), **of_format}), _effect(trace, x, unit, quantity, choice))
+    read = Step("read", _plain({**vars(choice), **of_format}), _effect(trace, samples, unit, quantity, choice))
     return Record(trace, meta, (read,))
 
 
@@ -240,8 +194,8 @@ def _check_times(where: str, t: np.ndarray, place: Callable[[int], str]) -> None
         )
 
 
-def _effect(trace: "Trace", x: Column, unit: str | None, quantity: str, choice: Choice) -> str:
-    parts = [f"{trace.n} samples of '{x.name}'"]
+def _effect(trace: "Trace", samples: Samples, unit: str | None, quantity: str, choice: Choice) -> str:
+    parts = [f"{trace.n} samples of '{samples.x.name}'"]
     parts.append(f"in {unit}" if unit else "no unit found or given, taken as m")
     if unit not in (None, quantity):
         parts.append(f"converted to {quantity}")
@@ -252,4 +206,6 @@ def _effect(trace: "Trace", x: Column, unit: str | None, quantity: str, choice: 
         starts = int(missing[0]) + int(np.count_nonzero(np.diff(missing.astype(int)) == 1))
         gaps = "gap" if starts == 1 else "gaps"
         parts.append(f"{int(missing.sum())} samples without a value masked in {starts} {gaps}")
+    if samples.others:
+        parts.append(f"not {quoted(samples.others)}")
     return ", ".join(parts)

@@ -28,6 +28,9 @@ class Choice:
             check_type(name, getattr(self, name), str | None, "a text")
         for name in ("column", "time"):
             check_type(name, getattr(self, name), str | int | list | None, "the name or the number of a column")
+            # Variables of a .mat file may be joined.
+            if isinstance(parts := getattr(self, name), list):
+                object.__setattr__(self, name, "+".join(map(str, parts)))
         if self.rate is not None:
             check_rate(self.rate)
         if self.rate is not None and self.time is not None:

@@ -2,78 +2,65 @@
 
 import dataclasses
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 
 from ...errors import DataError, brief
-from ..native import COLUMNS, MARK, check_schema, decode
-from ..record import Record
-from .assemble import records_of, with_choice
+from ..native import COLUMNS, MARK
 from .choice import Choice
 from .header import names_rate
-from .nodes import Tree, opened
+from .nodes import attribute, data_sets, elsewhere, scale
+from .npz import fricjax_sheet
 from .sheet import Column, Sheet, array_columns, signal
 
 
-def read_hdf5(path: Path, choice: Choice) -> Record | list[Record]:
-    """Read two data sets of an HDF5 or netCDF-4 file.
+@contextmanager
+def open_sheet(path: Path, choice: Choice) -> Iterator[Sheet]:
+    """Open an HDF5 or netCDF-4 file, also a record from `fricjax.write`.
 
-    A record that `fricjax.write` stored is restored.
-
-    Options as in `fricjax.read`, with
-
-    - `column`: path of the displacement, such as `"/run1/x"`.
-    - `time`: path of the times; by default the dimension scale of the displacement, or a data set in the same group
-      with the name of a time.
-    - `unit`, `time_unit`: by default from the attribute `units`, else from the name.
-    - `run`: the group, if several groups hold a separate time.
-
-    Raises:
-        DataError: not such a file, an unknown path (the message offers the nearest), or a data set that is not a vector
-            of numbers.
+    The names of the columns are paths, such as `"/run1/x"`. The times of a column are its dimension scale. The unit is
+    that of the attribute `units`, else of the name. If several groups hold a separate time, each group is a run.
     """
-    with opened(path) as tree:
-        mark = tree.attribute(tree.file, MARK)
-        if mark is not None and choice.takes_all:
-            return with_choice(_restore(tree, mark), choice)
-        return records_of(path, "hdf5", _sheet(tree), choice)
+    with h5py.File(path, "r") as file:
+        nodes = data_sets(file)
+        if choice.takes_all and (mark := attribute(file, MARK)) is not None:
+            arrays = {name: nodes[f"/{name}"] for name in COLUMNS if f"/{name}" in nodes}
+            texts = {name: str(attribute(file, name, "")) for name in ("meta", "log")}
+            yield fricjax_sheet(arrays, {MARK: str(mark), **texts})
+        else:
+            yield _sheet(path, {name: node for name, node in nodes.items() if node.ndim or names_rate(name)})
 
 
-def _restore(tree: Tree, mark: Any) -> Record:
-    check_schema(mark, tree.path.name)
-    nodes = tree.data_sets()
-    arrays = {name: tree.read(nodes[f"/{name}"]) for name in COLUMNS if f"/{name}" in nodes}
-    texts = {name: str(tree.attribute(tree.file, name, "")) for name in ("meta", "log")}
-    return decode(arrays, texts, tree.path.name)
-
-
-def _sheet(tree: Tree) -> Sheet:
-    """Return the data sets as columns.
-
-    If several groups hold a separate time, each group is a run.
-    """
-    nodes = {path: node for path, node in tree.data_sets().items() if node.ndim or names_rate(path)}
-    columns = {path: _columns(tree, path, node) for path, node in nodes.items()}
-    timed = dict.fromkeys(_folder(path) for path, parts in columns.items() if parts[0].is_time)
+def _sheet(path: Path, nodes: dict[str, Any]) -> Sheet:
+    columns = {name: _columns(name, node) for name, node in nodes.items()}
+    timed = dict.fromkeys(_folder(name) for name, parts in columns.items() if parts[0].is_time)
     runs = {folder: folder.strip("/") or "/" for folder in timed} if len(timed) > 1 else {}
 
-    def complete(path: str, part: Column) -> Column:
-        scale = tree.scale(nodes[path])
-        time = columns[scale][0] if scale in columns and scale != path else None
-        return dataclasses.replace(part, run=runs.get(_folder(path), part.run), time=time)
+    def complete(name: str, part: Column) -> Column:
+        coordinate = scale(nodes[name])
+        time = columns[coordinate][0] if coordinate in columns and coordinate != name else None
+        return dataclasses.replace(part, run=runs.get(_folder(name), part.run), time=time)
 
     def load(wanted: Sequence[Column]) -> list[np.ndarray]:
-        return [signal(_values(tree, nodes[path]), index) for path, index in (column.key for column in wanted)]
+        return [signal(values(name), index) for name, index in (column.key for column in wanted)]
 
-    return Sheet([complete(path, part) for path, parts in columns.items() for part in parts], load, of="data set")
+    def values(name: str) -> np.ndarray:
+        node = nodes[name]
+        return cf_values(node[()], functools.partial(attribute, node), f"'{name}' in {path.name}")
+
+    return Sheet([complete(name, part) for name, parts in columns.items() for part in parts], load, of="data set")
 
 
-def _columns(tree: Tree, path: str, node: Any) -> list[Column]:
+def _columns(path: str, node: Any) -> list[Column]:
+    if elsewhere(node):
+        return [Column(path, title=path, fault="lies in another file, which is not opened", key=(path, 0))]
     name = path.rsplit("/", 1)[1]
-    unit = cf_unit(tree.attribute(node, "units"))
+    unit = cf_unit(attribute(node, "units"))
     try:
         return array_columns(name, node.dtype, node.shape, path, folder=f"{_folder(path)}/", unit=unit)
     except TypeError:  # a type of numbers that numpy does not know
@@ -82,11 +69,6 @@ def _columns(tree: Tree, path: str, node: Any) -> list[Column]:
 
 def _folder(path: str) -> str:
     return path.rsplit("/", 1)[0]
-
-
-def _values(tree: Tree, node: Any) -> np.ndarray:
-    where = f"'{node.name}' in {tree.path.name}"
-    return cf_values(np.asarray(tree.read(node)), functools.partial(tree.attribute, node), where)
 
 
 def cf_unit(units: Any) -> str | None:

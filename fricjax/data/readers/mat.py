@@ -2,32 +2,27 @@
 
 import re
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 
 from ...errors import DataError, UsageError, nearest, quoted
-from ..record import Record
-from .assemble import records_of
 from .choice import Choice
 from .header import Title, names_rate, split_title
-from .mat5 import Opaque
-from .matlab import load_tree
+from .matlab import Opaque, load_tree, numbers_of
+from .nodes import is_hdf5
 from .sheet import Column, Sheet, array_columns, folder_of, signal
 
 PART = re.compile(r"^(?P<name>[^\[\]]+)(?P<indices>(\[\d+\])*)$")
 
 
-def read_mat(
-    path: Path,
-    choice: Choice,
-    *,
-    row: int = 0,
-    cells: list[int] | None = None,
-) -> Record | list[Record]:
-    """Read a record from a `.mat` file (version 4, 5, 7.3).
+@contextmanager
+def open_sheet(path: Path, choice: Choice, *, row: int = 0, cells: Sequence[int] | None = None) -> Iterator[Sheet]:
+    """Open a `.mat` file of version 4, 5 or 7.3.
 
     Options as in `fricjax.read`, with
 
@@ -40,25 +35,24 @@ def read_mat(
     - `run`: the structure, if several structures hold a separate time; signals of Simulink have their labels as names.
 
     Raises:
-        DataError: a damaged file, an unknown name (the message offers the nearest), or a variable without numbers.
+        DataError: an unknown name (the message offers the nearest), or a variable without numbers.
     """
-    joined = lambda names: "+".join(names) if isinstance(names, list | tuple) else names
-    choice = replace(choice, column=joined(choice.column), time=joined(choice.time))
-    tree = load_tree(path)
-    columns = _columns(tree)
-    for what, wanted in (("column", choice.column), ("time", choice.time)):
-        known = any(wanted in (column.name, column.title) for column in columns)
-        if isinstance(wanted, str) and not known and re.split(r"[.\[+]", wanted)[0].strip() in tree:
-            columns.append(_explicit(tree, wanted, path.name, what))
-    if not columns:
-        raise DataError(
-            f"{path.name} holds no variable that could be a record; it has {quoted(list(tree)) or 'nothing'}."
-        )
+    with h5py.File(path, "r") if is_hdf5(path) else nullcontext() as file:
+        tree = load_tree(path, file)
+        columns = _columns(tree)
+        for what, wanted in (("column", choice.column), ("time", choice.time)):
+            known = any(wanted in (column.name, column.title) for column in columns)
+            if isinstance(wanted, str) and not known and re.split(r"[.\[+]", wanted)[0].strip() in tree:
+                columns.append(_explicit(tree, wanted, path.name, what))
+        if not columns:
+            raise DataError(
+                f"{path.name} holds no variable that could be a record; it has {quoted(list(tree)) or 'nothing'}."
+            )
 
-    def load(wanted: Sequence[Column]) -> list[np.ndarray]:
-        return [_loaded(tree, column, row, cells, path.name) for column in wanted]
+        def load(wanted: Sequence[Column]) -> list[np.ndarray]:
+            return [_loaded(tree, column, row, cells, path.name) for column in wanted]
 
-    return records_of(path, "mat", Sheet(columns, load), choice, row=row or None, cells=cells)
+        yield Sheet(columns, load)
 
 
 def _columns(tree: dict[str, Any]) -> list[Column]:
@@ -84,15 +78,19 @@ def _walk(name: str, node: Any) -> Iterator[Column]:
         for i, cell in enumerate(node):
             yield from _walk(f"{name}[{i}]", cell)
     elif isinstance(node, list):
-        numbers = bool(node) and all(isinstance(cell, np.ndarray) and cell.dtype.kind in "fiu" for cell in node)
+        numbers = bool(node) and all(_is_array(cell) and cell.dtype.kind in "fiu" for cell in node)
         yield Column(name, title=name, fault=None if numbers else "holds cells that are no numbers", key=(name, None))
-    elif isinstance(node, np.ndarray):
+    elif _is_array(node):
         if node.size != 1 or names_rate(name):
             folder = f"{folder_of(name)}." if folder_of(name) else ""
             yield from array_columns(name.removeprefix(folder), node.dtype, node.shape, name, folder=folder)
     else:
         kind = f"is {node.kind}" if isinstance(node, Opaque) else "holds text"
         yield Column(name, title=name, fault=kind, key=(name, None))
+
+
+def _is_array(node: Any) -> bool:
+    return isinstance(node, np.ndarray | h5py.Dataset)
 
 
 def _time_series(name: str, node: dict[str, Any]) -> list[Column]:
@@ -142,13 +140,13 @@ def _explicit(tree: dict[str, Any], wanted: str, source: str, what: str) -> Colu
     return Column(title, title=title, time=time, key=(title, None))
 
 
-def _loaded(tree: dict[str, Any], column: Column, row: int, cells: list[int] | None, source: str) -> np.ndarray:
+def _loaded(tree: dict[str, Any], column: Column, row: int, cells: Sequence[int] | None, source: str) -> np.ndarray:
     """Load one signal of a matrix, or all parts of a path."""
     path, index = column.key
     names = path.split("+")
     nodes = [_find(tree, name, source, "column") for name in names]
     if index is not None:
-        return signal(nodes[0], index)
+        return signal(numbers_of(nodes[0]), index)
     single = row if not column.is_time else 0
     pieces = [_vector(node, name, single, cells, source) for node, name in zip(nodes, names, strict=True)]
     return np.concatenate(pieces)
@@ -174,7 +172,7 @@ def _find(tree: dict[str, Any], name: str, source: str, what: str) -> Any:
     return node
 
 
-def _vector(node: Any, name: str, row: int, cells: list[int] | None, source: str) -> np.ndarray:
+def _vector(node: Any, name: str, row: int, cells: Sequence[int] | None, source: str) -> np.ndarray:
     """Return one signal as a vector.
 
     It comes from a Simulink structure, joined cells, or a row of an array.
@@ -192,9 +190,9 @@ def _vector(node: Any, name: str, row: int, cells: list[int] | None, source: str
                     f"'{name}' in {source} has {len(node)} cells, but cells= asks for {i} (the first is 0)."
                 )
         return np.concatenate([_vector(node[i], f"{name}[{i}]", row, None, source) for i in wanted])
-    if not isinstance(node, np.ndarray) or node.dtype.kind not in "fiub":
+    if not _is_array(node) or node.dtype.kind not in "fiub":
         raise DataError(f"'{name}' in {source} holds no real numbers; name another variable with column=.")
-    array = np.squeeze(node)
+    array = np.squeeze(numbers_of(node))
     if array.ndim > 2:
         raise DataError(f"'{name}' in {source} has {array.ndim} dimensions, but at most two are expected.")
     # The longer side of a matrix is the time.

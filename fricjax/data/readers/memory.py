@@ -14,8 +14,9 @@ import numpy as np
 from ...errors import DataError, UsageError
 from ..record import Record
 from ..trace import Trace
-from .assemble import Samples, assemble, records_of, with_choice
+from .assemble import assemble, records_of, with_choice
 from .choice import Choice
+from .samples import Samples
 from .sheet import Column, Sheet
 from .tables import Cells, column_of, floats_of, header_of, is_vector, table_columns
 

@@ -1,66 +1,46 @@
-"""Records in netCDF files: version 4 is HDF5, SciPy reads version 3.
-
-Version 3 has neither groups nor packing. Its header lists the position of each variable. Several variables may share a
-position, so the reader limits the number of bytes that it reads.
-"""
+"""Records in netCDF files: version 4 is HDF5, SciPy reads version 3."""
 
 import dataclasses
-import io
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import IO, Any, cast
+from typing import Any
 
 import numpy as np
+from scipy.io import netcdf_file
 
 from ...errors import DataError
-from ..files import NUMBER, check_size, damage
-from ..record import Record
-from .assemble import records_of
+from . import hdf5
 from .choice import Choice
-from .hdf5 import cf_unit, cf_values, read_hdf5
+from .hdf5 import cf_unit, cf_values
 from .sheet import Column, Sheet, array_columns, signal
 
 # First bytes of a file of version 3; the last one selects offsets of 32 or 64 bits.
 _VERSIONS = (b"CDF\x01", b"CDF\x02")
 
 
-def read_netcdf(path: Path, choice: Choice) -> Record | list[Record]:
-    """Read two variables of a netCDF file of version 3 or 4.
+@contextmanager
+def open_sheet(path: Path, choice: Choice) -> Iterator[Sheet]:
+    """Open a netCDF file of version 3 or 4.
 
-    Options as in `fricjax.read`; `column` and `time` are names of variables (with their groups in version 4). The
-    default time is the coordinate variable of the displacement.
+    The names of the columns are those of variables (with their groups in version 4). The times of a column are its
+    coordinate variable.
 
     Raises:
-        DataError: a damaged file, an unknown variable, or one that is not a vector of numbers.
+        DataError: a file of another version.
     """
-    with path.open("rb") as file:
-        head = file.read(4)
+    with path.open("rb") as stream:
+        head = stream.read(4)
     if not head.startswith(b"CDF"):
-        return read_hdf5(path, choice)
+        with hdf5.open_sheet(path, choice) as content:
+            yield content
+        return
     if head not in _VERSIONS:
         raise DataError(
             f"{path.name} is of version CDF-{head[3:].hex() or '?'}, which is not read; convert it to netCDF-4."
         )
-    from scipy.io import netcdf_file
-
-    with damage(path, "netCDF"), _Metered(path) as stream:
-        # SciPy accepts any object with the methods read, seek and tell.
-        file = netcdf_file(cast(IO[bytes], stream), "r", mmap=False)
-        return records_of(path, "netcdf", _sheet(path, dict(file.variables)), choice)
-
-
-class _Metered(io.FileIO):
-    """A file that refuses to read implausibly many bytes."""
-
-    def __init__(self, path: Path) -> None:
-        super().__init__(path)
-        self._path, self._read = path, 0
-
-    def read(self, size: int | None = -1, /) -> bytes:
-        data = super().read(size) or b""
-        self._read += len(data)
-        check_size(self._path, "The content", self._read // NUMBER)
-        return data
+    with netcdf_file(path, "r", mmap=False) as file:
+        yield _sheet(path, dict(file.variables))
 
 
 def _sheet(path: Path, variables: dict[str, Any]) -> Sheet:

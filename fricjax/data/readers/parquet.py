@@ -4,52 +4,39 @@ Columns are read one by one. Metadata from pandas are treated as plain data.
 """
 
 import functools
-import mmap
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow
+from pyarrow import parquet, types
 
 from ...errors import DataError
-from ..files import NUMBER, check_size, damage, library
-from ..record import Record
-from .assemble import records_of
 from .choice import Choice
 from .header import first_word, split_title
 from .sheet import Column, Sheet
 from .tables import seconds_of
-from .thrift import structure
 
 # Names of a column with the run of each row, in a table with several runs one below the other.
 _LABELS = frozenset(("run", "trial", "shot", "messung", "lauf", "versuch", "essai"))
-# Largest size of the list of columns [bytes]; a thousand columns in a hundred row groups need about ten million.
-_LONGEST_LIST = 1 << 24
-# Field numbers in the format definition: of the list, of a row group, of a column chunk, of a page header (its unpacked
-# and packed size).
-_GROUPS, _CHUNKS, _ABOUT = 4, 1, 3
-_PATH, _VALUES, _SIZE, _PACKED_SIZE, _PAGES, _DICTIONARY = 3, 5, 6, 7, 9, 11
-_UNPACKED, _PACKED = 2, 3
 # Largest number of runs in a table; each is a span of rows.
 _MOST_RUNS = 10_000
 
 
-def read_parquet(path: Path, choice: Choice) -> Record | list[Record]:
-    """Read two columns of a `.parquet` file.
+@contextmanager
+def open_sheet(path: Path, choice: Choice) -> Iterator[Sheet]:
+    """Open a `.parquet` file.
 
-    Options as in `fricjax.read`, with
-
-    - `unit`, `time_unit`: by default from the metadata `units` of a column, from the `attrs` that pandas stores, or
-      from the name.
-    - `run`: a label from the column "run", if the runs follow each other in one table.
+    The unit of a column is that of its metadata `units`, else of the `attrs` that pandas stores, else of its name. If
+    the runs follow each other in one table, the column "run" labels them.
 
     Raises:
-        DataError: a damaged file, or no column of numbers.
-        UsageError: the package pyarrow is not installed.
+        DataError: the rows of a run are not contiguous.
     """
-    parquet = library(path, "pyarrow.parquet", "parquet")
-    with damage(path, "Parquet"), parquet.ParquetFile(path) as file:
-        return records_of(path, "parquet", _sheet(path, file), choice)
+    with parquet.ParquetFile(path) as file:
+        yield _sheet(path, file)
 
 
 def _sheet(path: Path, file: Any) -> Sheet:
@@ -59,7 +46,6 @@ def _sheet(path: Path, file: Any) -> Sheet:
 
     @functools.lru_cache(maxsize=8)
     def values(name: str) -> np.ndarray:
-        _check_declared(path, name)
         return _numbers(file.read([name]).column(name))
 
     label = next((each for each in columns if first_word(each.name) in _LABELS), None)
@@ -78,31 +64,6 @@ def _sheet(path: Path, file: Any) -> Sheet:
     return Sheet(columns, load, lambda i: f"row {i + 1}", of="column")
 
 
-def _check_declared(path: Path, name: str) -> None:
-    """Refuse a column with an implausible declared size or without pages.
-
-    The library allocates as much memory as the head of a page declares, regardless of the list of columns.
-    """
-    with path.open("rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
-        length = int.from_bytes(data[-8:-4], "little")
-        if length > _LONGEST_LIST:
-            raise DataError(f"{path.name} has {length >> 20} MB of columns; write time and displacement alone.")
-        about, _ = structure(data[-8 - length : -8], 0)
-        rows = unpacked = 0
-        for chunk in (chunk[_ABOUT] for group in about[_GROUPS] for chunk in group[_CHUNKS]):
-            if chunk[_PATH] != [name.encode()]:
-                continue
-            rows += chunk[_VALUES]
-            check_size(path, f"'{name}'", max(rows, chunk[_SIZE] // NUMBER))
-            place = min(filter(None, (chunk.get(_DICTIONARY), chunk[_PAGES])))
-            end = place + chunk[_PACKED_SIZE]
-            while place < end:
-                head, place = structure(data, place)
-                unpacked += head[_UNPACKED]
-                check_size(path, f"'{name}'", unpacked // NUMBER)
-                place += max(head[_PACKED], 0)
-
-
 def _units(schema: Any) -> Mapping[str, Any]:
     """Return units by column from the `attrs` that pandas stores."""
     about = schema.pandas_metadata or {}
@@ -112,8 +73,6 @@ def _units(schema: Any) -> Mapping[str, Any]:
 
 
 def _column(field: Any, units: Mapping[str, Any]) -> Column:
-    from pyarrow import types
-
     # Pandas stores an index without a name under this name.
     header = "index" if field.name.startswith("__index_level_") else field.name
     title = split_title(header)
@@ -133,8 +92,6 @@ def _numbers(column: Any) -> np.ndarray:
 
     Dates and durations are in seconds.
     """
-    import pyarrow
-
     if pyarrow.types.is_decimal(column.type):
         column = column.cast(pyarrow.float64())
     values = column.to_numpy()
@@ -147,7 +104,6 @@ def _spans(path: Path, file: Any, name: str) -> dict[str, slice]:
     Raises:
         DataError: the rows of a run are not contiguous, or there are too many runs.
     """
-    _check_declared(path, name)
     labels = file.read([name]).column(name).combine_chunks().dictionary_encode()
     codes = labels.indices.to_numpy(zero_copy_only=False)
     if codes.size == 0 or labels.null_count:

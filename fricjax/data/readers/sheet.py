@@ -75,8 +75,9 @@ class Sheet:
 
     `load` returns the numbers of the given columns, each of shape (samples,). `place(i)` describes the position of
     sample i of a column in the file ("row 17"). `rate` is the sample rate in the text above the columns [Hz]. `of` is
-    the format's name for a column that may hold any type of data ("channel"), for the message
-    about a file without numbers.
+    the format's name for a column that may hold any type of data ("channel"), for the message about a file without
+    numbers. `record` holds the texts of a record from `fricjax.write`, with the columns `t`, `x`, `mask` and perhaps
+    `sigma`; None for other files.
     """
 
     columns: Sequence[Column]
@@ -84,6 +85,7 @@ class Sheet:
     place: Callable[[int], str] = lambda i: f"sample {i + 1}"
     rate: float | None = None
     of: str = ""
+    record: Mapping[str, str] | None = None
 
     @property
     def runs(self) -> list[str]:
@@ -119,12 +121,12 @@ def array_columns(
     title = split_title(name)
     name, unit, run = folder + title.name, unit or title.unit, title.run
     lengths = [length for length in shape if length != 1]
-    if len(lengths) == 2 and 2 <= min(lengths) <= WIDEST and _fault(dtype, (max(lengths),)) is None:
+    if len(lengths) == 2 and 2 <= min(lengths) <= WIDEST and fault_of(dtype, (max(lengths),)) is None:
         return [Column(f"{name}[{i}]", unit, run, bare=True, key=(key, i)) for i in range(min(lengths))]
-    return [Column(name, unit, run, str(key), fault=_fault(dtype, shape), key=(key, 0))]
+    return [Column(name, unit, run, str(key), fault=fault_of(dtype, shape), key=(key, 0))]
 
 
-def _fault(dtype: np.dtype, shape: tuple[int, ...]) -> str | None:
+def fault_of(dtype: np.dtype, shape: tuple[int, ...]) -> str | None:
     """Return why an array cannot be a displacement or a time."""
     if dtype.kind not in "fiub":
         return {"c": "holds complex numbers", "U": "holds text", "S": "holds text"}.get(dtype.kind, "holds no numbers")

@@ -2,42 +2,37 @@
 
 import dataclasses
 import logging
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import nptdms
+import nptdms.log
 import numpy as np
 
 from ...errors import DataError
-from ..files import check_size, damage, library
-from ..record import Record
-from .assemble import records_of
 from .choice import Choice
 from .sheet import Column, Sheet, array_columns, grouped
 from .tables import seconds_of
 
 
-def read_tdms(path: Path, choice: Choice) -> Record | list[Record]:
-    """Read a channel of a `.tdms` file with its times.
+@contextmanager
+def open_sheet(path: Path, choice: Choice) -> Iterator[Sheet]:
+    """Open a `.tdms` file.
 
-    The times come from its waveform or from a channel of times.
-
-    Options as in `fricjax.read`, with
-
-    - `column`, `time`: name of a channel, with or without its group: "Run 1/x".
-    - `unit`: by default the property `unit_string`, which LabVIEW writes.
-    - `run`: the group, if several have channels of the same name.
+    The times of a channel come from its waveform or from a channel of times. Channels are named with or without their
+    group: "Run 1/x". The unit is the property `unit_string`, which LabVIEW writes. If several groups have channels of
+    the same name, each group is a run.
 
     Raises:
-        DataError: a damaged file, or no channel of numbers.
-        UsageError: the package nptdms is not installed.
+        DataError: a truncated file.
     """
-    nptdms = library(path, "nptdms", "tdms")
     # The library reports a truncated file only in its log, so silence the log and check for truncation below.
-    library(path, "nptdms.log", "tdms").log_manager.set_level(logging.ERROR)
+    nptdms.log.log_manager.set_level(logging.ERROR)
     # Pass a stream instead of a path: next to a path the library reads an index file, which may belong to another file.
-    with damage(path, "TDMS"), path.open("rb") as stream, nptdms.TdmsFile.open(stream, raw_timestamps=True) as file:
-        return records_of(path, "tdms", _sheet(path, file), choice)
+    with path.open("rb") as stream, nptdms.TdmsFile.open(stream, raw_timestamps=True) as file:
+        yield _sheet(path, file)
 
 
 def _sheet(path: Path, file: Any) -> Sheet:
@@ -48,7 +43,6 @@ def _sheet(path: Path, file: Any) -> Sheet:
     groups = {group.name: [_column(channel) for channel in group.channels()] for group in file.groups()}
 
     def load(wanted: Sequence[Column]) -> list[np.ndarray]:
-        check_size(path, "The selection", sum(len(channel) for channel, _ in (column.key for column in wanted)))
         return [_values(*column.key) for column in wanted]
 
     return Sheet(grouped(groups), load, of="channel")

@@ -1,16 +1,15 @@
 """Records in universal files (data set 58), the format of modal analysis."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyuff
 
 from ...errors import DataError
-from ..files import check_size, damage, gigabytes, library
-from ..record import Record
-from .assemble import records_of
 from .choice import Choice
 from .header import is_unit
 from .sheet import Column, Sheet
@@ -25,29 +24,20 @@ _DIRECTIONS = {1: "+X", 2: "+Y", 3: "+Z", 4: "+RX", 5: "+RY", 6: "+RZ"}
 _DIRECTIONS |= {-code: f"-{name[1:]}" for code, name in _DIRECTIONS.items()}
 # Unit of length of each system of units, by the code in data set 164.
 _LENGTHS = {1: "m", 2: "ft", 3: "m", 4: "ft", 5: "mm", 6: "cm", 7: "in", 8: "mm", 10: "mm"}
-# Size limit [bytes], because the library parses the whole text in memory.
-_LARGEST = 1 << 28
 
 
-def read_uff(path: Path, choice: Choice) -> Record | list[Record]:
-    """Read a time response of a universal file, text or binary.
+@contextmanager
+def open_sheet(path: Path, choice: Choice) -> Iterator[Sheet]:
+    """Open a universal file, text or binary, with time responses.
 
-    It must be a data set 58 or 58b. Options as in `fricjax.read`, with
-
-    - `column`: quantity, point and direction, as "displacement 3 +Z".
-    - `unit`: by default the label of the ordinate, else that of the system of units in data set 164.
-    - `run`: the data set, if several belong to the same point.
+    These are the data sets 58 or 58b. A column is named by quantity, point and direction: "displacement 3 +Z". The unit
+    is the label of the ordinate, else that of the system of units in data set 164. If several data sets belong to the
+    same point, each is a run.
 
     Raises:
-        DataError: a damaged file, or no time response in it.
-        UsageError: the package pyuff is not installed.
+        DataError: no time response.
     """
-    pyuff = library(path, "pyuff", "uff")
-    if path.stat().st_size > _LARGEST:
-        size = gigabytes(path.stat().st_size)
-        raise DataError(f"{path.name} has {size}, more than {gigabytes(_LARGEST)}; save one run in a file.")
-    with damage(path, "a universal file"):
-        return records_of(path, "uff", _sheet(path, pyuff.UFF(str(path))), choice)
+    yield _sheet(path, pyuff.UFF(str(path)))
 
 
 def _sheet(path: Path, file: Any) -> Sheet:
@@ -69,7 +59,6 @@ def _sheet(path: Path, file: Any) -> Sheet:
         columns.append(Column(names[i], unit, run, time=time, fault=fault, key=(i, "data")))
 
     def load(wanted: Sequence[Column]) -> list[np.ndarray]:
-        check_size(path, "The selection", sum(heads[column.key[0]]["num_pts"] for column in wanted))
         sets = {i: file.read_sets(i) for i in {column.key[0] for column in wanted}}
         return [_values(path, sets[i], what) for i, what in (column.key for column in wanted)]
 
