@@ -46,7 +46,7 @@ class Format(NamedTuple):
 
     **Fields:**
 
-    - `module`: module of `fricjax.data.readers` with a context manager `sheet(path, **options)`.
+    - `module`: module of `fricjax.data.readers` with a context manager `open_sheet(path, choice, **options)`.
     - `kind`: the format, for messages.
     - `name`: the format in `Record.meta`.
     - `library`: optional library that reads it, with the extra of this package that installs it.
