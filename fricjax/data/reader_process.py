@@ -35,7 +35,7 @@ from .readers.sheet import SINGLE, Column
 _LIBRARIES, _COPIES = 1 << 28, 4
 # Processor time. openpyxl is the slowest library and takes 1 s for a MB; slower machines get five times as much.
 # The limit does not grow beyond the size that a workbook of a million rows has.
-_SECONDS, _SECONDS_PER_BYTE, _LARGEST = 4, 5e-6, 10**8
+_SECONDS, _SECONDS_PER_BYTE, _LARGEST = 3, 5e-6, 10**8
 # Waiting time per processor time, for machines with many busy processes.
 _BUSY = 10
 _ERRORS = {"DataError": DataError, "UsageError": UsageError}
