@@ -1,0 +1,263 @@
+"""Half-cycles of a decay with their points in phase.
+
+Each half-cycle is divided into panels with Chebyshev points. The points are even in the rank
+
+    share ln(1 + theta/layer)/ln(1 + half/layer) + (1 - share) theta/half
+
+of the phase since the last, or until the next, reversal, so they are dense where friction changes fast. Edges of panels
+lie at the phases at which the force has a kink. All numbers of a mesh stay fixed in a fit.
+"""
+
+import functools
+from collections.abc import Sequence
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+from ..oscillator import Oscillator
+from ..oscillator.restoring import Pendulum
+from .forces import Curve, Forces, Values
+
+
+class Mesh(NamedTuple):
+    """Half-cycles, their points and a first approximation of their amplitudes.
+
+    Arrays have the shape (half_cycles,) or (half_cycles, points), including padding.
+
+    Attributes:
+        real: True for half-cycles, False for padding.
+        side: sign of the turning point at the start [1].
+        omega: reference angular frequency [rad/s].
+        centre: reference dead band, in the coordinate [m].
+        chart: one if the coordinate is that of a pendulum, ``2 sin(x/2)``, else zero; shape ().
+        sine, cosine: of the phase at the points [1].
+        weight: phase per rank at the points, times the width of the panel [rad].
+        integral: matrix from rates at the points to their integrals from the start, shape (points, points).
+        nodes: indices of the points that a sample interpolates, without repetitions, shape (nodes,).
+        amplitudes: approximation of the amplitudes at the points [m].
+
+    Examples:
+        >>> Mesh._fields[:4]
+        ('real', 'side', 'omega', 'centre')
+    """
+
+    real: Values
+    side: Values
+    omega: Values
+    centre: Values
+    chart: Any
+    sine: Values
+    cosine: Values
+    weight: Values
+    integral: Values
+    nodes: Values
+    amplitudes: Values
+
+
+class MeshSize(NamedTuple):
+    """Number of panels in a half-cycle and of points in a panel.
+
+    Examples:
+        >>> MeshSize(2, 32).panels
+        2
+    """
+
+    panels: int
+    points: int
+
+
+# Part of the points spread evenly over the logarithm of the distance from the layer, in a mesh and in the mesh that
+# checks it. The rest is even in phase. Chosen, not derived; `experiments/tables/run.py` shows the resulting errors.
+_SHARES = (0.6, 0.45)
+# Newton steps to the phase of a rank; from the logarithmic part alone as the start, ten reach rounding error.
+_NEWTON_STEPS = 12
+
+
+def make_mesh(
+    oscillator: Oscillator,
+    forces: Forces,
+    turning_points: Sequence[float] | np.ndarray,
+    *,
+    size: MeshSize | None = None,
+    half_cycles: int | None = None,
+    centre: Literal["onset", "fastest"] = "onset",
+    check: bool = False,
+) -> Mesh:
+    """Return the mesh of a decay from approximate turning points.
+
+    Errors of some per cent in the turning points only cost iterations, because the equations are exact on every mesh.
+
+    Args:
+        oscillator: the machine, for kinks of its forces and for the coordinate of its spring.
+        forces: its tables.
+        turning_points: start and end of each half-cycle [m], of alternating sign, shape (real half-cycles + 1,).
+        size: panels and points; by default that of :func:`mesh_size`.
+        half_cycles: number of half-cycles with padding; by default without padding.
+        centre: friction force of the reference dead band: that at the onset of sliding, or that at the largest speed,
+            which resolves some half-cycles that barely leave rest.
+        check: other positions of the points, for an estimate of the error by a second mesh.
+
+    Raises:
+        ValueError: fewer than two turning points, or more half-cycles than the padding allows.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> from fricjax.tables import tabulate
+        >>> machine = fj.Oscillator(0.1, 1000.0, 0.0, 10.0, fj.friction.Coulomb(0.01))
+        >>> forces = tabulate(machine, ["mu"], speed=0.2, travel=2e-3)
+        >>> make_mesh(machine, forces, [1e-3, -0.8e-3, 0.6e-3]).sine.shape
+        (2, 64)
+    """
+    points = np.asarray(turning_points, dtype=float)
+    count = points.size - 1
+    padded = count if half_cycles is None else half_cycles
+    if not 1 <= count <= padded:
+        raise ValueError(f"A mesh for {padded} half-cycles needs 2 to {padded + 1} turning points, got {points.size}.")
+    frame = _frame(oscillator, forces, points, centre)
+    size = size or mesh_size(oscillator, forces, points)
+    edges = _panel_edges(frame, [kink for kink in oscillator.friction.kink_speeds if kink > 0], size.panels)
+    integral, ranks = _quadrature(*size)
+    width = np.diff(edges)
+    rank = edges[:, :-1, None] + width[:, :, None] * ranks
+    late = np.broadcast_to(edges[:, :-1, None] >= 1, rank.shape)
+    phase, slope = _phase(frame, np.where(late, 2 - rank, rank), late, _SHARES[check])
+    sine, cosine = np.sin(phase), np.where(late, -1.0, 1.0) * np.cos(phase)
+    weight = slope * width[:, :, None]
+    sine, cosine, weight = (each.reshape(count, -1) for each in (sine, cosine, weight))
+    nodes = np.delete(np.arange(sine.shape[1]), np.arange(1, size.panels) * size.points)
+    amplitudes = frame.amplitude[:, None] + frame.growth[:, None] * (1 - cosine) / 2
+    fill = functools.partial(_filled, count=padded)
+    return Mesh(
+        fill(np.ones(count, bool), False), fill(frame.side, 1.0), fill(frame.omega, frame.omega[-1]),
+        fill(frame.centre, frame.centre[-1]), np.float64(frame.chart), fill(sine, 0.5), fill(cosine, 0.5),
+        fill(weight, 0.0), integral, nodes, fill(amplitudes, 1.0),
+    )  # fmt: skip
+
+
+class _Frame(NamedTuple):
+    """Reference motion of the half-cycles, each of shape (half_cycles,) except `chart`.
+
+    `growth` is the change of the amplitude in a half-cycle, `middle` the phase of the edge in the middle.
+    """
+
+    chart: bool
+    side: np.ndarray
+    omega: np.ndarray
+    centre: np.ndarray
+    amplitude: np.ndarray
+    growth: np.ndarray
+    layer: np.ndarray
+    middle: np.ndarray
+
+
+def _frame(oscillator: Oscillator, forces: Forces, points: np.ndarray, centre: str) -> _Frame:
+    restoring = oscillator.restoring
+    chart = isinstance(restoring, Pendulum)
+    q, slope = (2 * np.sin(points / 2), np.cos(points[:-1] / 2)) if chart else (points, np.ones(points.size - 1))
+    side = np.where(points[:-1] < 0, -1.0, 1.0)
+    omega = np.sqrt(np.abs(_read(forces.restoring, side, points[:-1])) / np.abs(q[:-1] * slope))
+    friction = np.full(side.size, forces.onset)
+    if centre == "fastest":
+        swing = np.abs(np.diff(q)) / 2
+        friction = _read(forces.resisting, side, omega * swing)
+    dead_band = friction / omega**2
+    amplitude = side * q[:-1] - dead_band
+    growth = dead_band - side * q[1:] - amplitude
+    largest = np.maximum(amplitude, amplitude + growth)
+    layer = forces.velocity_scale / (omega * np.maximum(largest, np.finfo(float).tiny))
+    if chart:
+        # The lapse of time has poles where the slope of the coordinate vanishes, arctanh(slope) from the reversals.
+        layer = np.minimum(layer, np.arctanh(np.clip(slope, 1e-6, 1 - 1e-6)))
+    middle = np.full(side.size, np.pi / 2)
+    if restoring.hysteretic:
+        # Internal friction of the spring has a kink at the equilibrium.
+        middle = np.arccos(np.clip(-dead_band / (amplitude + growth / 2), -0.99, 0.99))
+    return _Frame(chart, side, omega, dead_band, amplitude, growth, np.clip(layer, 1e-9, 1e3), middle)
+
+
+def _read(curve: Curve, side: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Return values of a curve on the host."""
+    cells = curve.centres.size
+    cell = np.clip(np.searchsorted(curve.edges, at, side="right") - 1, 0, cells - 1)
+    local = (at - curve.centres[cell]) * curve.scales[cell]
+    powers = np.asarray(curve.value)[:, cell + cells * (side > 0)]
+    return np.sum(powers * local ** np.arange(len(powers))[:, None], axis=0)
+
+
+def _rank(frame: _Frame, phase: np.ndarray, late: np.ndarray, share: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return rank and its slope by phase; arrays have the half-cycles along the first axis."""
+    axes = (slice(None), *(None,) * (phase.ndim - 1))
+    layer, middle = frame.layer[axes], frame.middle[axes]
+    half = np.where(late, np.pi - middle, middle)
+    span = np.log1p(half / layer)
+    rank = share * np.log1p(phase / layer) / span + (1 - share) * phase / half
+    return rank, share / (span * (layer + phase)) + (1 - share) / half
+
+
+def _phase(frame: _Frame, rank: np.ndarray, late: np.ndarray, share: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the phase at a rank by Newton's method, and its slope.
+
+    The rank is concave in the phase and at most its logarithmic part, so the steps rise to the solution.
+    """
+    axes = (slice(None), *(None,) * (rank.ndim - 1))
+    layer, middle = frame.layer[axes], frame.middle[axes]
+    phase = layer * np.expm1(rank * np.log1p(np.where(late, np.pi - middle, middle) / layer))
+    for _ in range(_NEWTON_STEPS):
+        value, rise = _rank(frame, phase, late, share)
+        phase = phase + (rank - value) / rise
+    return np.where(rank > 0, phase, 0.0), 1 / _rank(frame, phase, late, share)[1]
+
+
+def _panel_edges(frame: _Frame, kinks: Sequence[float], panels: int) -> np.ndarray:
+    """Return the ranks of the edges of panels, from 0 to 2, shape (half_cycles, panels + 1).
+
+    The middle and the kinks that the speed passes are edges. Others divide the widest panels.
+    """
+    edges = np.tile([0.0, 1.0, 2.0], (frame.side.size, 1))
+    for kink in kinks:
+        for late in (False, True):
+            share = kink / frame.omega
+            phase = np.zeros(frame.side.size)
+            for _ in range(20):
+                fall = np.cos(phase) * (-1 if late else 1)
+                ratio = share / (frame.amplitude + frame.growth * (1 - fall) / 2)
+                phase = np.arcsin(np.clip(ratio, 0.0, 1.0))
+            half = np.pi - frame.middle if late else frame.middle
+            rank, _ = _rank(frame, phase, np.full(phase.shape, late), _SHARES[0])
+            rank = np.where((ratio < 1) & (phase < half), 2 - rank if late else rank, np.nan)
+            edges = np.concatenate([edges, rank[:, None]], axis=1)
+    edges = np.sort(edges, axis=1)
+    if edges.shape[1] > panels + 1 and np.isfinite(edges[:, panels + 1 :]).any():
+        raise ValueError(f"The force has {len(kinks)} kinks, too many for {panels} panels.")
+    rows = np.arange(len(edges))
+    edges = np.concatenate([edges, np.full((len(edges), panels), np.nan)], axis=1)[:, : panels + 1]
+    while np.isnan(edges).any():
+        width = np.nan_to_num(np.diff(edges))
+        widest = np.argmax(width, axis=1)
+        middle = edges[rows, widest] + width[rows, widest] / 2
+        edges[:, -1] = np.where(np.isnan(edges[:, -1]), middle, edges[:, -1])
+        edges = np.sort(edges, axis=1)
+    return edges
+
+
+@functools.cache
+def _quadrature(panels: int, points: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the matrix of integrals from the start, and the ranks of the points in a panel from 0 to 1."""
+    places = -np.cos(np.pi * np.arange(points) / (points - 1))
+    coefficients = np.linalg.inv(chebyshev.chebvander(places, points - 1))
+    unit = np.identity(points)
+    columns = [chebyshev.chebval(places, chebyshev.chebint(row, lbnd=-1)) for row in unit]
+    inside = np.stack(columns, axis=1) @ coefficients / 2
+    before = np.tile(inside[-1], (points, 1))
+    blocks = [[inside if i == j else before * (j < i) for j in range(panels)] for i in range(panels)]
+    return np.ascontiguousarray(np.block(blocks).T), (1 + places) / 2
+
+
+def _filled(values: np.ndarray, fill: Any, count: int) -> np.ndarray:
+    """Return the array with rows added up to that count."""
+    return np.concatenate([values, np.full((count - len(values), *values.shape[1:]), fill)])
+
+
+def mesh_size(oscillator: Oscillator, forces: Forces, points: np.ndarray) -> MeshSize:
+    return MeshSize(2, 32)
