@@ -55,16 +55,24 @@ class Mesh(NamedTuple):
     amplitudes: Values
 
 
-class MeshSize(NamedTuple):
-    """Number of panels in a half-cycle and of points in a panel.
+class Layout(NamedTuple):
+    """Points of a half-cycle.
+
+    Meshes with the same numbers of panels and points share a compiled program.
+
+    Attributes:
+        panels: number of panels.
+        points: number of points in each panel.
+        grading: width of the dense part of the mesh over that of the layer in which friction changes fast.
 
     Examples:
-        >>> MeshSize(2, 32).panels
-        2
+        >>> Layout(2, 32).grading
+        1.0
     """
 
     panels: int
     points: int
+    grading: float = 1.0
 
 
 # Part of the points spread evenly over the logarithm of the distance from the layer, in a mesh and in the mesh that
@@ -72,6 +80,13 @@ class MeshSize(NamedTuple):
 _SHARES = (0.6, 0.45)
 # Newton steps to the phase of a rank; from the logarithmic part alone as the start, ten reach rounding error.
 _NEWTON_STEPS = 12
+# Layouts for a force without kinks, in the order of trial. The last two resolve powers of the speed below one.
+_LAYOUTS = (Layout(2, 32), Layout(2, 64), Layout(2, 64, 1e-2), Layout(2, 64, 1e-4))
+# Panels and points that resolve any force on the host, over a layer of 1e-9 rad, the thinnest one of a mesh.
+_REFERENCE, _THINNEST = Layout(8, 32), 1e-9
+# Relative error of the impulses of friction and its derivatives that a layout may have. Errors of the columns of the
+# result are up to a hundred times larger (`experiments/tables/run.py`), and a fit demands 1e-7.
+_IMPULSE_ERROR = 1e-9
 
 
 def make_mesh(
@@ -79,7 +94,7 @@ def make_mesh(
     forces: Forces,
     turning_points: Sequence[float] | np.ndarray,
     *,
-    size: MeshSize | None = None,
+    layout: Layout | None = None,
     half_cycles: int | None = None,
     centre: Literal["onset", "fastest"] = "onset",
     check: bool = False,
@@ -92,7 +107,7 @@ def make_mesh(
         oscillator: the machine, for kinks of its forces and for the coordinate of its spring.
         forces: its tables.
         turning_points: start and end of each half-cycle [m], of alternating sign, shape (real half-cycles + 1,).
-        size: panels and points; by default that of :func:`mesh_size`.
+        layout: panels and points; by default those of :func:`choose_layout`.
         half_cycles: number of half-cycles with padding; by default without padding.
         centre: friction force of the reference dead band: that at the onset of sliding, or that at the largest speed,
             which resolves some half-cycles that barely leave rest.
@@ -114,10 +129,10 @@ def make_mesh(
     padded = count if half_cycles is None else half_cycles
     if not 1 <= count <= padded:
         raise ValueError(f"A mesh for {padded} half-cycles needs 2 to {padded + 1} turning points, got {points.size}.")
-    frame = _frame(oscillator, forces, points, centre)
-    size = size or mesh_size(oscillator, forces, points)
-    edges = _panel_edges(frame, [kink for kink in oscillator.friction.kink_speeds if kink > 0], size.panels)
-    integral, ranks = _quadrature(*size)
+    layout = layout or choose_layout(oscillator, forces, points)
+    frame = _frame(oscillator, forces, points, centre, layout.grading)
+    edges = _panel_edges(frame, oscillator.friction.kink_speeds, layout.panels)
+    integral, ranks = _quadrature(layout.panels, layout.points)
     width = np.diff(edges)
     rank = edges[:, :-1, None] + width[:, :, None] * ranks
     late = np.broadcast_to(edges[:, :-1, None] >= 1, rank.shape)
@@ -125,7 +140,7 @@ def make_mesh(
     sine, cosine = np.sin(phase), np.where(late, -1.0, 1.0) * np.cos(phase)
     weight = slope * width[:, :, None]
     sine, cosine, weight = (each.reshape(count, -1) for each in (sine, cosine, weight))
-    nodes = np.delete(np.arange(sine.shape[1]), np.arange(1, size.panels) * size.points)
+    nodes = np.delete(np.arange(sine.shape[1]), np.arange(1, layout.panels) * layout.points)
     amplitudes = frame.amplitude[:, None] + frame.growth[:, None] * (1 - cosine) / 2
     fill = functools.partial(_filled, count=padded)
     return Mesh(
@@ -151,7 +166,9 @@ class _Frame(NamedTuple):
     middle: np.ndarray
 
 
-def _frame(oscillator: Oscillator, forces: Forces, points: np.ndarray, centre: str) -> _Frame:
+def _frame(
+    oscillator: Oscillator, forces: Forces, points: np.ndarray, centre: str = "onset", grading: float = 1.0
+) -> _Frame:
     restoring = oscillator.restoring
     chart = isinstance(restoring, Pendulum)
     q, slope = (2 * np.sin(points / 2), np.cos(points[:-1] / 2)) if chart else (points, np.ones(points.size - 1))
@@ -165,7 +182,7 @@ def _frame(oscillator: Oscillator, forces: Forces, points: np.ndarray, centre: s
     amplitude = side * q[:-1] - dead_band
     growth = dead_band - side * q[1:] - amplitude
     largest = np.maximum(amplitude, amplitude + growth)
-    layer = forces.velocity_scale / (omega * np.maximum(largest, np.finfo(float).tiny))
+    layer = grading * forces.velocity_scale / (omega * np.maximum(largest, np.finfo(float).tiny))
     if chart:
         # The lapse of time has poles where the slope of the coordinate vanishes, arctanh(slope) from the reversals.
         layer = np.minimum(layer, np.arctanh(np.clip(slope, 1e-6, 1 - 1e-6)))
@@ -173,16 +190,21 @@ def _frame(oscillator: Oscillator, forces: Forces, points: np.ndarray, centre: s
     if restoring.hysteretic:
         # Internal friction of the spring has a kink at the equilibrium.
         middle = np.arccos(np.clip(-dead_band / (amplitude + growth / 2), -0.99, 0.99))
-    return _Frame(chart, side, omega, dead_band, amplitude, growth, np.clip(layer, 1e-9, 1e3), middle)
+    return _Frame(chart, side, omega, dead_band, amplitude, growth, np.clip(layer, _THINNEST, 1e3), middle)
 
 
-def _read(curve: Curve, side: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Return values of a curve on the host."""
+def _read(curve: Curve, side: np.ndarray, at: np.ndarray, columns: bool = False) -> np.ndarray:
+    """Return values of a curve on the host, optionally with slope and columns along a first axis."""
     cells = curve.centres.size
     cell = np.clip(np.searchsorted(curve.edges, at, side="right") - 1, 0, cells - 1)
     local = (at - curve.centres[cell]) * curve.scales[cell]
-    powers = np.asarray(curve.value)[:, cell + cells * (side > 0)]
-    return np.sum(powers * local ** np.arange(len(powers))[:, None], axis=0)
+    table = np.concatenate([curve.value[:, None], curve.columns], axis=1) if columns else curve.value[:, None]
+    powers = table[..., cell + cells * (side > 0)]
+    value, slope = powers[-1], np.zeros_like(local)
+    for power in powers[-2::-1]:
+        slope = slope * local + value[0]
+        value = value * local + power
+    return np.concatenate([slope[None] * curve.scales[cell], value]) if columns else value[0]
 
 
 def _rank(frame: _Frame, phase: np.ndarray, late: np.ndarray, share: float) -> tuple[np.ndarray, np.ndarray]:
@@ -259,5 +281,65 @@ def _filled(values: np.ndarray, fill: Any, count: int) -> np.ndarray:
     return np.concatenate([values, np.full((count - len(values), *values.shape[1:]), fill)])
 
 
-def mesh_size(oscillator: Oscillator, forces: Forces, points: np.ndarray) -> MeshSize:
-    return MeshSize(2, 32)
+def choose_layout(oscillator: Oscillator, forces: Forces, turning_points: Sequence[float] | np.ndarray) -> Layout:
+    """Return the smallest layout that resolves the resisting force.
+
+    The test integrates the force, its slope and its derivatives by the coefficients over the first and the last
+    half-cycle, and compares the results with those of a fine mesh. A force with kinks has a panel for each interval
+    between them.
+
+    Args:
+        oscillator: the machine, for kinks of its forces.
+        forces: its tables.
+        turning_points: as in :func:`make_mesh`.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> from fricjax.tables import tabulate
+        >>> for law in (fj.friction.Coulomb(0.01), fj.friction.Tanh(0.01, 1e-4)):
+        ...     machine = fj.Oscillator(0.1, 1000.0, 0.0, 10.0, law)
+        ...     forces = tabulate(machine, ["mu"], speed=0.2, travel=2e-3)
+        ...     print(choose_layout(machine, forces, [1e-3, -0.8e-3, 0.6e-3]))
+        Layout(panels=2, points=32, grading=1.0)
+        Layout(panels=2, points=64, grading=1.0)
+    """
+    fastest = forces.resisting.edges[-1]
+    if kinks := len([kink for kink in oscillator.friction.kink_speeds if kink < fastest]):
+        # Each kink is passed before and after the middle.
+        return Layout(max(8, 1 << (2 * kinks + 1).bit_length()), 16)
+    frame = _frame(oscillator, forces, np.asarray(turning_points, dtype=float))
+    ends = frame._replace(**{name: getattr(frame, name)[[0, -1]] for name in frame._fields if name != "chart"})
+    exact = _impulses(forces, ends._replace(layer=np.full(2, _THINNEST)), _REFERENCE)
+    scale = np.max(np.abs(exact), axis=(0, 2))
+    used = scale > 0
+    best, least = _LAYOUTS[0], np.inf
+    for layout in _LAYOUTS:
+        layer = np.clip(layout.grading * ends.layer, _THINNEST, 1e3)
+        # A panel covers half of the half-cycle.
+        trial = _impulses(forces, ends._replace(layer=layer), Layout(1, layout.points))
+        error = np.max((np.max(np.abs(trial - exact), axis=(0, 2)) / np.where(used, scale, 1.0))[used], initial=0.0)
+        if error < least:
+            best, least = layout, error
+        if least < _IMPULSE_ERROR:
+            break
+    return best
+
+
+def _impulses(forces: Forces, frame: _Frame, layout: Layout) -> np.ndarray:
+    """Return integrals of the resisting force, its slope and its columns over the first half of each half-cycle.
+
+    Their weights are the sine and the cosine of the phase, by which a force acts on amplitude and time.
+
+    Returns:
+        Shape (2, 2 + columns, half_cycles).
+    """
+    integral, ranks = _quadrature(layout.panels, layout.points)
+    rank = (np.arange(layout.panels)[:, None] + ranks) / layout.panels
+    rank = np.broadcast_to(rank.ravel(), (frame.side.size, rank.size))
+    phase, slope = _phase(frame, rank, np.zeros(rank.shape, bool), _SHARES[0])
+    amplitude = frame.amplitude[:, None] + frame.growth[:, None] * (1 - np.cos(phase)) / 2
+    speed = frame.omega[:, None] * amplitude * np.sin(phase)
+    values = _read(forces.resisting, frame.side[:, None], speed, True)
+    values[0] *= speed
+    weights = np.stack([np.sin(phase), np.cos(phase)]) * slope / layout.panels
+    return np.einsum("cnp,wnp,p->wcn", values, weights, integral[:, -1])
