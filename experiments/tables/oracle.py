@@ -10,11 +10,14 @@ from typing import NamedTuple
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from fricjax.friction import AbstractFriction, MonotoneSpline
 from fricjax.friction.base import laws_of
+from fricjax.friction.spline import AbstractSpline
 from fricjax.oscillator import Oscillator
 from fricjax.oscillator.oscillator import leaves_of
 
 type Numbers = Mapping[str, np.ndarray]
+type Force = Callable[[Numbers, np.ndarray], np.ndarray]
 STEP = 1e-30
 """Complex step, relative to the value."""
 SLOWEST = 1e-9
@@ -49,9 +52,9 @@ def _makkar(p: Numbers, u: np.ndarray) -> np.ndarray:
     return p["normal_force"] * (p["gamma1"] * hump + p["gamma4"] * np.tanh(p["gamma5"] * u)) + p["gamma6"] * u
 
 
-def _spline(p: Numbers, u: np.ndarray, knots: Sequence[float], monotone: bool) -> np.ndarray:
-    """Evaluate the cubic through the values in ln(1 + u/u_1): no curvature at zero, no slope at the last knot."""
-    forces = np.stack([p[f"forces_{i}"] * np.ones_like(u) for i in range(len(knots))])
+def _spline(p: Numbers, knots: Sequence[float], monotone: bool) -> Force:
+    """Return the cubic through the values in ln(1 + u/u_1): no curvature at zero, no slope at the last knot."""
+    forces = np.stack([p[f"forces_{i}"] for i in range(len(knots))])
     s = np.log1p(np.asarray(knots) / knots[1])
     h, n = np.diff(s), len(knots)
     rises = np.diff(forces, axis=0) / h[:, None]
@@ -70,17 +73,22 @@ def _spline(p: Numbers, u: np.ndarray, knots: Sequence[float], monotone: bool) -
         top = np.where(least.real > 0, least, np.where(least.real == 0, least / 2, 0.0))
         slopes = np.where(slopes.real < bottom.real, bottom, slopes)
         slopes = np.where(slopes.real > top.real, top, slopes)
-    at = np.log1p(u / knots[1])
-    i = int(np.clip(np.searchsorted(knots, u[1].real, side="right") - 1, 0, n - 2))
-    w = (at - s[i]) / h[i] if u[1].real < knots[-1] else np.ones_like(at)
-    value = (1 + 2 * w) * (1 - w) ** 2 * forces[i] + w**2 * (3 - 2 * w) * forces[i + 1]
-    value = value + h[i] * (w * (1 - w) ** 2 * slopes[i] - w**2 * (1 - w) * slopes[i + 1])
-    return p["normal_force"] * value
+
+    def force(p: Numbers, u: np.ndarray) -> np.ndarray:
+        i = int(np.clip(np.searchsorted(knots, u[1].real, side="right") - 1, 0, n - 2))
+        w = (np.log1p(u / knots[1]) - s[i]) / h[i] if u[1].real < knots[-1] else np.ones_like(u)
+        value = (1 + 2 * w) * (1 - w) ** 2 * forces[i] + w**2 * (3 - 2 * w) * forces[i + 1]
+        value = value + h[i] * (w * (1 - w) ** 2 * slopes[i] - w**2 * (1 - w) * slopes[i + 1])
+        return p["normal_force"] * value
+
+    return force
 
 
-def friction_of(law: object) -> Callable[[Numbers, np.ndarray], np.ndarray]:
+def friction_of(law: AbstractFriction, numbers: Numbers) -> Force:
     """Return the sliding force [N] of a law, from the numbers of its machine and the speed [m/s]."""
-    formulas: dict[str, Callable[[Numbers, np.ndarray], np.ndarray]] = {
+    if isinstance(law, AbstractSpline):
+        return _spline(numbers, law.knots, isinstance(law, MonotoneSpline))
+    formulas: dict[str, Force] = {
         "Coulomb": lambda p, u: p["mu"] * p["normal_force"] + 0 * u,
         "LoadDependent": lambda p, u: (
             p["mu"] * p["reference_load"] * (p["normal_force"] / p["reference_load"]) ** p["exponent"]
@@ -93,8 +101,6 @@ def friction_of(law: object) -> Callable[[Numbers, np.ndarray], np.ndarray]:
         "Lorentzian": lambda p, u: _falling(p, _lorentzian(p, u)),
         "Tanh": lambda p, u: p["mu"] * p["normal_force"] * np.tanh(u / p["v_s"]),
         "Makkar": _makkar,
-        "Spline": lambda p, u: _spline(p, u, law.knots, monotone=False),  # type: ignore[attr-defined]
-        "MonotoneSpline": lambda p, u: _spline(p, u, law.knots, monotone=True),  # type: ignore[attr-defined]
     }
     return formulas[type(law).__name__]
 
@@ -124,8 +130,9 @@ class Machine:
         self.numbers: dict[str, np.ndarray] = {name: np.full(rows, value, complex) for name, value in values.items()}
         for row, (name, scale) in enumerate(zip(names, self.scales, strict=True), 3):
             self.numbers[name][row] += 1j * STEP * scale
-        self._laws = [friction_of(law) for law in laws_of(oscillator.friction)]
+        self._laws = [friction_of(law, self.numbers) for law in laws_of(oscillator.friction)]
         self._spring = type(oscillator.restoring).__name__
+        self.kinked = self._spring == "Structural"
         self.period = 2 * np.pi * np.sqrt(values["mass"] / values["stiffness"])
         load, mass = float(oscillator.normal_force), float(oscillator.mass)
         self.static = float(oscillator.friction.static_force(np.float64(load))) / mass
@@ -146,7 +153,7 @@ class Machine:
         resisting = p["damping"] * us + p["drag"] * us**2 + sum(law(p, us) for law in self._laws)
         resisting, restoring = resisting / p["mass"], _restoring(self._spring, p, xs) / p["mass"]
         inner = 0 * xs
-        if self._spring == "Structural":
+        if self.kinked:
             inner = p["eta_h"] * p["stiffness"] * np.where(xs.real < 0, -xs, xs) / p["mass"]
         slope = (resisting[0] - resisting[2]).real / size if u < size else resisting[0].imag / (STEP * size)
         return (
@@ -215,21 +222,32 @@ def _half_cycle(
     def reversal(time: float, state: np.ndarray) -> float:
         return -side * state[1] + (1e-30 if time == t else 0.0)
 
+    def passing(_t: float, state: np.ndarray) -> float:
+        return side * state[0]
+
+    def leg(begin: np.ndarray, t: float, event: Callable[[float, np.ndarray], float]) -> tuple[np.ndarray, float]:
+        event.terminal, event.direction = True, -1  # type: ignore[attr-defined]
+        result = solve_ivp(
+            rates, (t, t + 1e3 * machine.period), begin, "DOP853", events=[event, reversal], dense_output=True,
+            rtol=rtol, atol=atol, max_step=machine.period / 40,
+        )  # fmt: skip
+        end = result.t[-1]
+        # The interpolant of the last step is poor for a power law, so integrate its part before the event once more.
+        last = solve_ivp(rates, (result.t[-2], end), result.y[:, -2], "DOP853", rtol=rtol, atol=atol)
+        inside = (ts >= t) & (ts <= end)
+        if inside.any():
+            values = result.sol(ts[inside])
+            x[inside], columns[inside] = values[0], values[2 : 2 + count].T
+        return last.y[:, -1], end
+
     reversal.terminal, reversal.direction = True, -1  # type: ignore[attr-defined]
-    begin = y.copy()
-    begin[1] = -side * 1e-14 * abs(atol[1]) * 1e12
-    result = solve_ivp(
-        rates, (t, t + 1e3 * machine.period), begin, "DOP853", events=reversal, dense_output=True, rtol=rtol, atol=atol,
-        max_step=machine.period / 40,
-    )  # fmt: skip
-    end = result.t_events[0][0]
-    # The interpolant of the last step is poor for a power law, so integrate its part before the reversal once more.
-    last = solve_ivp(rates, (result.t[-2], end), result.y[:, -2], "DOP853", rtol=rtol, atol=atol)
-    state = last.y[:, -1].copy()
-    inside = (ts >= t) & (ts <= end)
-    if inside.any():
-        values = result.sol(ts[inside])
-        x[inside], columns[inside] = values[0], values[2 : 2 + count].T
+    state, end = y.copy(), t
+    state[1] = -side * 1e-2 * atol[1]
+    # Internal friction of the spring has a kink at the equilibrium.
+    if machine.kinked and side * state[0] > 0:
+        state, end = leg(state, t, passing)
+    if abs(state[1]) > abs(atol[1]) or end == t:
+        state, end = leg(state, end, reversal)
     # The reversal shifts by -dv/a, and the acceleration jumps there.
     if count:
         state[2 + count :] *= acceleration(state, -side) / acceleration(state, side)

@@ -33,10 +33,15 @@ def attempt(case: cases.Case, points: np.ndarray, ts: np.ndarray, rests: bool, c
     forces = tabulation(tabulation.values)
     start = Start(case.x0, np.eye(tabulation.columns)[-1])
     layout = choose_layout(case.oscillator, forces, points)
-    motions = []
-    for check in (False, True):
-        mesh = make_mesh(case.oscillator, forces, points, layout=layout, centre=centre, check=check)
-        motions.append(decay(forces, mesh, start, ts, rests, 8))
+    mesh = make_mesh(case.oscillator, forces, points, layout=layout, centre=centre)
+    first = decay(forces, mesh, start, ts, rests, 8)
+    if case.oscillator.friction.kink_speeds or case.oscillator.restoring.hysteretic:
+        points, mesh = first.turning_points, mesh._replace(amplitudes=first.amplitudes)
+        mesh = make_mesh(case.oscillator, forces, points, layout=layout, centre=centre, previous=mesh)
+        first = decay(forces, mesh, start, ts, rests, 4)
+    mesh = mesh._replace(amplitudes=first.amplitudes)
+    mesh = make_mesh(case.oscillator, forces, points, layout=layout, centre=centre, check=True, previous=mesh)
+    motions = (first, decay(forces, mesh, start, ts, rests, 4))
     estimate = error(*motions).x / abs(case.x0)
     return motions[0], bool(is_resolved(motions[0]) and estimate <= ACCEPTED), float(estimate)
 

@@ -82,6 +82,9 @@ _SHARES = (0.6, 0.45)
 _NEWTON_STEPS = 12
 # Layouts for a force without kinks, in the order of trial. The last two resolve powers of the speed below one.
 _LAYOUTS = (Layout(2, 32), Layout(2, 64), Layout(2, 64, 1e-2), Layout(2, 64, 1e-4))
+# Samples of the first approximation of a motion. The phase of a kink is off by (pi/256)^2/8 = 2e-5 by interpolation, far
+# less than by rough turning points.
+_SKETCH = 257
 # Panels and points that resolve any force on the host, over a layer of 1e-9 rad, the thinnest one of a mesh.
 _REFERENCE, _THINNEST = Layout(8, 32), 1e-9
 # Relative error of the impulses of friction and its derivatives that a layout may have. Errors of the columns of the
@@ -98,6 +101,7 @@ def make_mesh(
     half_cycles: int | None = None,
     centre: Literal["onset", "fastest"] = "onset",
     check: bool = False,
+    previous: Mesh | None = None,
 ) -> Mesh:
     """Return the mesh of a decay from approximate turning points.
 
@@ -112,6 +116,8 @@ def make_mesh(
         centre: friction force of the reference dead band: that at the onset of sliding, or that at the largest speed,
             which resolves some half-cycles that barely leave rest.
         check: other positions of the points, for an estimate of the error by a second mesh.
+        previous: mesh of the same half-cycles with better amplitudes, such as those of a first motion. The new mesh
+            begins with that motion, and its panels meet at the kinks of that motion.
 
     Raises:
         ValueError: fewer than two turning points, or more half-cycles than the padding allows.
@@ -131,7 +137,9 @@ def make_mesh(
         raise ValueError(f"A mesh for {padded} half-cycles needs 2 to {padded + 1} turning points, got {points.size}.")
     layout = layout or choose_layout(oscillator, forces, points)
     frame = _frame(oscillator, forces, points, centre, layout.grading)
-    edges = _panel_edges(frame, oscillator.friction.kink_speeds, layout.panels)
+    known, sketch = _sketch(frame, previous)
+    speed = frame.omega[:, None] * sketch * np.sin(known)
+    edges = _panel_edges(frame, oscillator.friction.kink_speeds, layout.panels, known, speed)
     integral, ranks = _quadrature(layout.panels, layout.points)
     width = np.diff(edges)
     rank = edges[:, :-1, None] + width[:, :, None] * ranks
@@ -141,7 +149,8 @@ def make_mesh(
     weight = slope * width[:, :, None]
     sine, cosine, weight = (each.reshape(count, -1) for each in (sine, cosine, weight))
     nodes = np.delete(np.arange(sine.shape[1]), np.arange(1, layout.panels) * layout.points)
-    amplitudes = frame.amplitude[:, None] + frame.growth[:, None] * (1 - cosine) / 2
+    phases = np.where(late, np.pi - phase, phase).reshape(count, -1)
+    amplitudes = np.stack([np.interp(*each) for each in zip(phases, known, sketch, strict=True)])
     fill = functools.partial(_filled, count=padded)
     return Mesh(
         fill(np.ones(count, bool), False), fill(frame.side, 1.0), fill(frame.omega, frame.omega[-1]),
@@ -231,36 +240,54 @@ def _phase(frame: _Frame, rank: np.ndarray, late: np.ndarray, share: float) -> t
     return np.where(rank > 0, phase, 0.0), 1 / _rank(frame, phase, late, share)[1]
 
 
-def _panel_edges(frame: _Frame, kinks: Sequence[float], panels: int) -> np.ndarray:
+def _panel_edges(frame: _Frame, kinks: Sequence[float], panels: int, phase: np.ndarray, speed: np.ndarray) -> np.ndarray:
     """Return the ranks of the edges of panels, from 0 to 2, shape (half_cycles, panels + 1).
 
-    The middle and the kinks that the speed passes are edges. Others divide the widest panels.
+    The middle and the kinks that the speed passes are edges; `phase` and `speed` sample the motion. Other edges divide
+    the widest panels.
     """
     edges = np.tile([0.0, 1.0, 2.0], (frame.side.size, 1))
+    rows = np.arange(len(edges))
+    middle = frame.middle
     for kink in kinks:
+        above = speed > kink
         for late in (False, True):
-            share = kink / frame.omega
-            phase = np.zeros(frame.side.size)
-            for _ in range(20):
-                fall = np.cos(phase) * (-1 if late else 1)
-                ratio = share / (frame.amplitude + frame.growth * (1 - fall) / 2)
-                phase = np.arcsin(np.clip(ratio, 0.0, 1.0))
-            half = np.pi - frame.middle if late else frame.middle
-            rank, _ = _rank(frame, phase, np.full(phase.shape, late), _SHARES[0])
-            rank = np.where((ratio < 1) & (phase < half), 2 - rank if late else rank, np.nan)
+            # The last sample below the kink before the speed rises above it, or the last above it.
+            index = above.shape[1] - 1 - np.argmax(above[:, ::-1], axis=1) if late else np.argmax(above, axis=1) - 1
+            index = np.clip(index, 0, above.shape[1] - 2)
+            part = (kink - speed[rows, index]) / (speed[rows, index + 1] - speed[rows, index])
+            there = phase[rows, index] + part * (phase[rows, index + 1] - phase[rows, index])
+            since = np.where(there <= middle, there, np.pi - there)
+            rank, _ = _rank(frame, since, there > middle, _SHARES[0])
+            rank = np.where(above.any(axis=1), np.where(there <= middle, rank, 2 - rank), np.nan)
             edges = np.concatenate([edges, rank[:, None]], axis=1)
     edges = np.sort(edges, axis=1)
     if edges.shape[1] > panels + 1 and np.isfinite(edges[:, panels + 1 :]).any():
         raise ValueError(f"The force has {len(kinks)} kinks, too many for {panels} panels.")
-    rows = np.arange(len(edges))
     edges = np.concatenate([edges, np.full((len(edges), panels), np.nan)], axis=1)[:, : panels + 1]
     while np.isnan(edges).any():
         width = np.nan_to_num(np.diff(edges))
         widest = np.argmax(width, axis=1)
-        middle = edges[rows, widest] + width[rows, widest] / 2
-        edges[:, -1] = np.where(np.isnan(edges[:, -1]), middle, edges[:, -1])
+        centre = edges[rows, widest] + width[rows, widest] / 2
+        edges[:, -1] = np.where(np.isnan(edges[:, -1]), centre, edges[:, -1])
         edges = np.sort(edges, axis=1)
     return edges
+
+
+def _sketch(frame: _Frame, previous: Mesh | None) -> tuple[np.ndarray, np.ndarray]:
+    """Return phases and amplitudes of an approximate motion, shape (half_cycles, samples).
+
+    Without a previous mesh the amplitude changes linearly with the cosine of the phase.
+    """
+    count = frame.side.size
+    if previous is None:
+        phase = np.broadcast_to(np.linspace(0.0, np.pi, _SKETCH), (count, _SKETCH))
+        return phase, frame.amplitude[:, None] + frame.growth[:, None] * (1 - np.cos(phase)) / 2
+    amplitudes = np.asarray(previous.amplitudes)[:count]
+    stretch = (previous.omega[:count] / frame.omega)[:, None]
+    along = (previous.centre[:count] - frame.centre)[:, None] + amplitudes * previous.cosine[:count]
+    across = stretch * amplitudes * previous.sine[:count]
+    return np.arctan2(across, along), np.hypot(across, along)
 
 
 @functools.cache
