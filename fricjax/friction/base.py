@@ -174,6 +174,11 @@ class AbstractFriction(eqx.Module):
         return UNSCALED
 
     @property
+    def kink_speeds(self) -> tuple[float, ...]:
+        """Speeds above zero at which a derivative of the sliding force jumps [m/s]."""
+        return ()
+
+    @property
     def kind(self) -> Kind:
         """Kind of the law, which determines the engines that can integrate it."""
         if self.n_states:
@@ -369,6 +374,10 @@ class Sum(AbstractFriction):
 
     def velocity_scale(self) -> Scalar:
         return functools.reduce(jnp.minimum, (law.velocity_scale() for law in self.laws))
+
+    @property
+    def kink_speeds(self) -> tuple[float, ...]:
+        return tuple(sorted({speed for law in self.laws for speed in law.kink_speeds}))
 
     def set_valued_limit(self) -> "Sum":
         # No engine could integrate a set-valued limit of a sum with internal states.

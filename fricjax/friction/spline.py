@@ -108,6 +108,10 @@ class AbstractSpline(AbstractSetValued):
     def velocity_scale(self) -> Scalar:
         return jnp.asarray(self.knots[1])
 
+    @property
+    def kink_speeds(self) -> tuple[float, ...]:
+        return self.knots[1:]
+
 
 class Spline(AbstractSpline):
     """Friction law given by a cubic spline with continuous curvature.

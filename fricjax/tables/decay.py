@@ -1,0 +1,377 @@
+"""All half-cycles of a free decay at once, in phase angle, with derivatives.
+
+A half-cycle that begins at a turning point on the side ``s`` has the coordinate ``q = s (q_d + A cos theta)`` and the
+velocity ``v = -s omega A sin theta``, with fixed ``omega`` and ``q_d``. With the resisting force ``D`` and the restoring
+force ``r`` per mass, ``K = D - s r`` and the slope ``S = dq/dx`` of the coordinate, variation of parameters gives
+
+    dtheta/dt = omega S sin^2 theta - K cos theta/(omega A)
+    dA/dt = -sin theta (omega S A cos theta + K/omega)
+
+These equations are exact for every ``omega`` and ``q_d`` for which the phase advances, so both are numbers of the mesh
+and have no derivatives. ``g = dA/dtheta`` of all half-cycles is linearised about the last approximation and solved by
+quadrature (quasilinearisation, Bellman and Kalaba 1965): with ``E = exp(int g_A)`` follows
+``A = E (A_0 + int (g - g_A A)/E)``. The reversal to the next half-cycle, ``A_0' = A(pi) - q_d - q_d'``, is a linear
+recursion, which a cumulative product solves. A change of a coefficient obeys the same linear equation with the source
+``dg``. The same lines run under `numpy` and under `jax.numpy`. There is no loop over time, no event and no branch.
+"""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from .forces import Curve, Forces, Values
+from .mesh import Mesh
+
+
+class Start(NamedTuple):
+    """Start from rest.
+
+    Attributes:
+        x0: initial displacement [m], shape (); it is on the side of the first half-cycle of the mesh.
+        columns: derivative of `x0` by each column of the tables, shape (columns,).
+
+    Examples:
+        >>> Start(2e-3, np.eye(8)[7]).columns.shape
+        (8,)
+    """
+
+    x0: Any
+    columns: Values
+
+
+class Quality(NamedTuple):
+    """Numbers that show whether a decay is resolved, each of shape ().
+
+    Attributes:
+        correction: largest relative change of an amplitude in the last iteration [1].
+        phase_rate: smallest rate of the phase relative to the undisturbed rate [1].
+        speed, travel: largest speed and displacement relative to the range of the tables [1].
+        iterations: number of iterations.
+
+    Examples:
+        >>> Quality(1e-12, 0.9, 0.8, 0.9, 6).phase_rate
+        0.9
+    """
+
+    correction: Any
+    phase_rate: Any
+    speed: Any
+    travel: Any
+    iterations: Any
+
+
+class Decay(NamedTuple):
+    """Motion at the samples, turning points and quality of a decay.
+
+    Attributes:
+        x: displacement [m], shape (samples,); NaN after the last half-cycle if the mass does not rest there.
+        v: velocity [m/s], shape (samples,).
+        columns: derivative of `x` at fixed time by each column of the tables [m per unit], shape (samples, columns).
+        turning_points: start and end of each half-cycle [m], shape (half_cycles + 1,); NaN for padding.
+        excess: pull of the spring beyond the static friction force at each turning point, per mass [m/s^2], same shape.
+            A set-valued law requires a positive excess at the start of each half-cycle, and rest otherwise.
+        duration: time at the end of the last half-cycle [s], shape ().
+        amplitudes: amplitudes at the points of the mesh, shape (half_cycles, points), as a start of the next iteration.
+        quality: numbers for :func:`is_resolved`.
+
+    Examples:
+        >>> "excess" in Decay._fields
+        True
+    """
+
+    x: Values
+    v: Values
+    columns: Values
+    turning_points: Values
+    excess: Values
+    duration: Values
+    amplitudes: Values
+    quality: Quality
+
+
+def decay(
+    forces: Forces,
+    mesh: Mesh,
+    start: Start,
+    ts: Values,
+    rests: Any = True,
+    iterations: Any = 6,
+    xp: Any = np,
+) -> Decay:
+    """Integrate all half-cycles of a decay and sample the motion.
+
+    It is a pure function of arrays. Under JAX it can be compiled, batched by `jax.vmap` and differentiated forwards;
+    :func:`fricjax.tables.solve` is its compiled form.
+
+    Args:
+        forces: tables of the machine.
+        mesh: half-cycles with points and first approximation, from :func:`fricjax.tables.make_mesh`.
+        start: initial displacement.
+        ts: times of the samples after the release [s], shape (samples,); before it the mass is at its start.
+        rests: whether the mass stays at the end of the last half-cycle, shape ().
+        iterations: number of iterations. Each squares the relative error: 4 to 6 from rough turning points, 2 to 3 from
+            the amplitudes at nearby coefficients.
+        xp: `numpy` or `jax.numpy`.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> from fricjax.tables import make_mesh, tabulate
+        >>> machine = fj.Oscillator(0.1, 1000.0, 0.0, 10.0, fj.friction.Coulomb(0.01))
+        >>> forces = tabulate(machine, ["mu"], speed=0.2, travel=2e-3)
+        >>> mesh = make_mesh(forces, [1e-3, -0.8e-3, 0.6e-3])
+        >>> motion = decay(forces, mesh, Start(1e-3, np.eye(8)[7]), np.array([0.0, np.pi / 100]))
+        >>> print([f"{x:.6f}" for x in motion.x], f"{motion.columns[1, 0]:.5f}")  # dx/dmu = 2 N/k
+        ['0.001000', '-0.000800'] 0.02000
+    """
+    first = mesh.side[0] * _charted(xp, mesh, start.x0) - mesh.centre[0]
+    amplitudes, before = _iterate(xp, forces, mesh, first, iterations)
+    rates = _rates(xp, forces, mesh, amplitudes)
+    nodes = _nodes(xp, forces, mesh, start, amplitudes, rates)
+    x, v, columns = _sample(xp, nodes, xp.asarray(ts), rests)
+    change = xp.where(mesh.real[:, None], xp.abs(amplitudes / before - 1), 0.0)
+    relative = xp.where(mesh.real[:, None], rates.phase_rate / (mesh.omega[:, None] * rates.slope), 1.0)
+    speed = xp.where(mesh.real[:, None], rates.speed, 0.0) / forces.resisting.edges[-1]
+    travel = xp.where(mesh.real[:, None], xp.abs(rates.x), 0.0) / forces.restoring.edges[-1]
+    quality = Quality(xp.max(change), xp.min(relative), xp.max(speed), xp.max(travel), iterations)
+    turning_points, excess = _rest_condition(xp, forces, mesh, rates.x)
+    return Decay(x, v, columns, turning_points, excess, nodes.duration, amplitudes, quality)
+
+
+class _Rates(NamedTuple):
+    """Rates over phase at all points and their derivatives, each of shape (half_cycles, points).
+
+    `lapse` is dt/dtheta and `growth` dA/dtheta. The suffix `_slope` marks derivatives by the amplitude and `_source`
+    those by the force ``K``.
+    """
+
+    lapse: Any
+    growth: Any
+    lapse_slope: Any
+    growth_slope: Any
+    lapse_source: Any
+    growth_source: Any
+    phase_rate: Any
+    x: Any
+    slope: Any
+    speed: Any
+    resisting: Any
+    resisting_slope: Any
+    restoring: Any
+    restoring_slope: Any
+    speed_place: tuple[Any, Any]
+    travel_place: tuple[Any, Any]
+
+
+class _Nodes(NamedTuple):
+    """Motion at the nodes in order of time: time, and x, v and a with their columns at fixed time.
+
+    Attributes:
+        t: times [s], shape (nodes,).
+        motion: shape (nodes, 3, 1 + columns).
+        end: last turning point with its columns, shape (1 + columns,).
+        duration: time of the last turning point [s].
+    """
+
+    t: Any
+    motion: Any
+    end: Any
+    duration: Any
+
+
+def _charted(xp: Any, mesh: Mesh, x: Any) -> Any:
+    """Return the coordinate q of a displacement: 2 sin(x/2) for a pendulum, x otherwise."""
+    return xp.where(mesh.chart > 0, 2 * xp.sin(x / 2), x)
+
+
+def _place(xp: Any, curve: Curve, side: Any, at: Any) -> tuple[Any, Any]:
+    """Return index and local coordinate of the cells at `at`."""
+    cells = curve.centres.shape[-1]
+    cell = xp.clip(xp.searchsorted(curve.edges, at, side="right") - 1, 0, cells - 1)
+    local = (at - xp.take(curve.centres, cell, mode="clip")) * xp.take(curve.scales, cell, mode="clip")
+    return cell + cells * (side > 0), local
+
+
+def _value(xp: Any, curve: Curve, place: tuple[Any, Any]) -> tuple[Any, Any]:
+    """Return value and slope of a curve by Horner's rule."""
+    index, local = place
+    powers = xp.take(curve.value, index, axis=-1, mode="clip")
+    value, slope = powers[-1], xp.zeros_like(local)
+    for power in range(powers.shape[0] - 2, -1, -1):
+        slope = slope * local + value
+        value = value * local + powers[power]
+    return value, slope * xp.take(curve.scales, index % curve.scales.shape[-1], mode="clip")
+
+
+def _columns(xp: Any, curve: Curve, place: tuple[Any, Any]) -> Any:
+    """Return the derivatives of a curve by the coefficients, shape (columns, half_cycles, points)."""
+    powers = xp.take(curve.columns, place[0], axis=-1, mode="clip")
+    value = powers[-1]
+    for power in range(powers.shape[0] - 2, -1, -1):
+        value = value * place[1] + powers[power]
+    return value
+
+
+def _rates(xp: Any, forces: Forces, mesh: Mesh, amplitudes: Any) -> _Rates:
+    omega, side, centre = mesh.omega[:, None], mesh.side[:, None], mesh.centre[:, None]
+    sine, cosine = mesh.sine, mesh.cosine
+    speed, q = omega * amplitudes * sine, side * (centre + amplitudes * cosine)
+    half = mesh.chart * q / 2
+    slope = xp.sqrt(1 - half * half)
+    slope_change = -0.5 * mesh.chart * half * side * cosine / slope
+    x = xp.where(mesh.chart > 0, 2 * xp.arcsin(half), q)
+    speed_place = _place(xp, forces.resisting, side, speed)
+    travel_place = _place(xp, forces.restoring, side, x)
+    resisting, resisting_slope = _value(xp, forces.resisting, speed_place)
+    restoring, restoring_slope = _value(xp, forces.restoring, travel_place)
+    force = resisting - side * restoring
+    force_change = resisting_slope * omega * sine - restoring_slope * cosine / slope
+    turn = -cosine / (omega * amplitudes)
+    rate = omega * slope * sine * sine + force * turn
+    rate_change = omega * slope_change * sine * sine + (force_change - force / amplitudes) * turn
+    gain = -sine * (omega * slope * amplitudes * cosine + force / omega)
+    gain_change = -sine * (omega * cosine * (slope + amplitudes * slope_change) + force_change / omega)
+    lapse = 1 / rate
+    growth = gain * lapse
+    return _Rates(
+        lapse,
+        growth,
+        -rate_change * lapse * lapse,
+        (gain_change - growth * rate_change) * lapse,
+        -turn * lapse * lapse,
+        (-sine / omega - growth * turn) * lapse,
+        rate,
+        x,
+        slope,
+        speed,
+        resisting,
+        resisting_slope,
+        restoring,
+        restoring_slope,
+        speed_place,
+        travel_place,
+    )
+
+
+def _iterate(xp: Any, forces: Forces, mesh: Mesh, first: Any, iterations: Any) -> tuple[Any, Any]:
+    """Return the amplitudes after the iterations, and those before the last one."""
+
+    def closer(_: Any, pair: tuple[Any, Any]) -> tuple[Any, Any]:
+        amplitudes = pair[0]
+        rates = _rates(xp, forces, mesh, amplitudes)
+        factor = xp.exp((rates.growth_slope * mesh.weight) @ mesh.integral)
+        rest = (rates.growth - rates.growth_slope * amplitudes) * mesh.weight
+        gain = (rest / factor) @ mesh.integral
+        following = xp.concatenate([mesh.centre[1:], mesh.centre[-1:]])
+        shift = factor[:, -1] * gain[:, -1] - mesh.centre - following
+        begin = _recursion(xp, mesh, factor[:, -1], shift, first)
+        return xp.where(mesh.real[:, None], factor * (begin[:, None] + gain), 1.0), amplitudes
+
+    pair = (xp.asarray(mesh.amplitudes), xp.asarray(mesh.amplitudes))
+    if xp is np:
+        for i in range(int(iterations)):
+            pair = closer(i, pair)
+        return pair
+    return jax.lax.fori_loop(0, iterations, closer, pair)
+
+
+def _recursion(xp: Any, mesh: Mesh, factor: Any, shift: Any, first: Any) -> Any:
+    """Return y of all half-cycles from ``y[n+1] = factor[n] y[n] + shift[n]``, along the last axis."""
+    product = xp.cumprod(xp.where(mesh.real, factor, 1.0))
+    following = xp.cumsum(xp.where(mesh.real, shift, 0.0) / product, axis=-1)
+    first = xp.asarray(first)[..., None]
+    return xp.concatenate([first, (product * (first + following))[..., :-1]], axis=-1)
+
+
+def _nodes(xp: Any, forces: Forces, mesh: Mesh, start: Start, amplitudes: Any, rates: _Rates) -> _Nodes:
+    """Return the motion at the points and its columns, in order of time."""
+    side, omega, real = mesh.side[:, None], mesh.omega[:, None], mesh.real
+    resisting_columns = _columns(xp, forces.resisting, rates.speed_place)
+    restoring_columns = _columns(xp, forces.restoring, rates.travel_place)
+    source = resisting_columns - side * restoring_columns
+    factor = xp.exp((rates.growth_slope * mesh.weight) @ mesh.integral)
+    gain = (rates.growth_source * source * mesh.weight / factor) @ mesh.integral
+    # The slope of the coordinate at the start carries the derivative of the initial displacement.
+    first = mesh.side[0] * rates.slope[0, 0] * start.columns
+    begin = _recursion(xp, mesh, factor[:, -1], factor[:, -1] * gain[..., -1], first)
+    changes = factor * (begin[..., None] + gain)
+    t, duration = _elapsed(xp, real, (rates.lapse * mesh.weight) @ mesh.integral)
+    lapse_changes = rates.lapse_slope * changes + rates.lapse_source * source
+    t_columns, _ = _elapsed(xp, real, (lapse_changes * mesh.weight) @ mesh.integral)
+    v, a = -side * rates.speed, side * rates.resisting - rates.restoring
+    x_columns = side * mesh.cosine * changes / rates.slope
+    end_columns = x_columns[..., -1]
+    x_columns = x_columns - v * t_columns
+    v_columns = -side * omega * mesh.sine * changes - a * t_columns
+    a_columns = side * resisting_columns - restoring_columns
+    a_columns = a_columns - rates.resisting_slope * v_columns - rates.restoring_slope * x_columns
+    pairs = ((rates.x, x_columns), (v, v_columns), (a, a_columns))
+    motion = xp.stack([xp.concatenate([value[None], columns]) for value, columns in pairs])
+    # Neighbouring panels share a point.
+    motion = xp.take(motion, mesh.nodes, axis=-1, mode="clip")
+    t = xp.take(xp.where(real[:, None], t, duration), mesh.nodes, axis=-1, mode="clip")
+    last = xp.sum(real) - 1
+    end = xp.concatenate([rates.x[last, -1][None], end_columns[:, last]])
+    return _Nodes(t.reshape(-1), xp.moveaxis(motion.reshape(*motion.shape[:2], -1), -1, 0), end, duration)
+
+
+def _elapsed(xp: Any, real: Any, lapse: Any) -> tuple[Any, Any]:
+    """Return the sum over all earlier half-cycles plus the part since the reversal, and the total."""
+    full = xp.where(real, lapse[..., -1], 0.0)
+    total = xp.cumsum(full, axis=-1)
+    return (total - full)[..., None] + lapse, total[..., -1]
+
+
+def _sample(xp: Any, nodes: _Nodes, ts: Any, rests: Any) -> tuple[Any, Any, Any]:
+    """Interpolate displacement, velocity and columns by quintic Hermite polynomials."""
+    at = xp.clip(ts, 0.0, nodes.duration)
+    index = xp.clip(xp.searchsorted(nodes.t, at, side="right") - 1, 0, nodes.t.shape[-1] - 2)
+    begin = xp.take(nodes.t, index, mode="clip")
+    step = xp.take(nodes.t, index + 1, mode="clip") - begin
+    # At a reversal two nodes have the same time, and the acceleration jumps.
+    step = xp.where(step > 0, step, 1.0)
+    weights, slopes = _hermite(xp, (at - begin) / step, step)
+    left = xp.take(nodes.motion, index, axis=0, mode="clip")
+    right = xp.take(nodes.motion, index + 1, axis=0, mode="clip")
+    values = xp.einsum("sk,skc->sc", weights[:, :3], left) + xp.einsum("sk,skc->sc", weights[:, 3:], right)
+    v = xp.sum(slopes[:, :3] * left[:, :, 0] + slopes[:, 3:] * right[:, :, 0], axis=-1)
+    behind = ts > nodes.duration
+    values = xp.where(behind[:, None], xp.where(rests, nodes.end, xp.nan), values)
+    v = xp.where(behind, xp.where(rests, 0.0, xp.nan), xp.where(ts > 0, v, 0.0))
+    return values[:, 0], v, values[:, 1:]
+
+
+def _hermite(xp: Any, q: Any, step: Any) -> tuple[Any, Any]:
+    """Return the weights of (x, v, a) at both ends for value and slope at the fraction q, shape (samples, 6)."""
+    q2, p = q * q, 1 - q
+    q3, p3 = q2 * q, p * p * p
+    rise = q3 * (10 - 15 * q + 6 * q2)
+    values = (
+        1 - rise,
+        step * (q - q3 * (6 - 8 * q + 3 * q2)),
+        step * step * 0.5 * q2 * p3,
+        rise,
+        -step * q3 * (4 - 7 * q + 3 * q2),
+        step * step * 0.5 * q3 * p * p,
+    )
+    steep = 30 * q2 * p * p / step
+    slopes = (
+        -steep,
+        1 - q2 * (18 - 32 * q + 15 * q2),
+        step * 0.5 * q * p * p * (2 - 5 * q),
+        steep,
+        -q2 * (12 - 28 * q + 15 * q2),
+        step * 0.5 * q2 * p * (3 - 5 * q),
+    )
+    return xp.stack(values, axis=-1), xp.stack(slopes, axis=-1)
+
+
+def _rest_condition(xp: Any, forces: Forces, mesh: Mesh, x: Any) -> tuple[Any, Any]:
+    """Return the turning points and the pull beyond the static friction force there."""
+    points = xp.concatenate([x[:1, 0], xp.where(mesh.real, x[:, -1], xp.nan)])
+    side = xp.concatenate([mesh.side[:1], -mesh.side])
+    place = _place(xp, forces.restoring, side, points)
+    holding = xp.concatenate([xp.asarray(forces.breakaway)[None], xp.broadcast_to(forces.static, mesh.side.shape)])
+    pull = side * _value(xp, forces.restoring, place)[0]
+    return points, xp.where(xp.isnan(points), xp.nan, pull - holding)
