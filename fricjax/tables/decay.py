@@ -25,6 +25,9 @@ from .forces import Curve, Forces, Values
 from .mesh import Mesh
 
 
+_TINY = float(np.finfo(float).tiny)
+
+
 class Start(NamedTuple):
     """Start from rest.
 
@@ -185,10 +188,14 @@ def _charted(xp: Any, mesh: Mesh, x: Any) -> Any:
     return xp.where(mesh.chart > 0, 2 * xp.sin(x / 2), x)
 
 
-def _place(xp: Any, curve: Curve, side: Any, at: Any) -> tuple[Any, Any]:
-    """Return index and local coordinate of the cells at `at`."""
+def _place(xp: Any, curve: Curve, side: Any, at: Any, branch: Any = None) -> tuple[Any, Any]:
+    """Return index and local coordinate of the cells at `at`.
+
+    Where `branch` is 1 or -1, the cell is one for positive or negative values, even if `at` is just beyond zero.
+    """
     cells = curve.centres.shape[-1]
-    cell = xp.clip(xp.searchsorted(curve.edges, at, side="right") - 1, 0, cells - 1)
+    cell_of = at if branch is None else xp.where(branch == 0, at, branch * xp.maximum(branch * at, _TINY))
+    cell = xp.clip(xp.searchsorted(curve.edges, cell_of, side="right") - 1, 0, cells - 1)
     local = (at - xp.take(curve.centres, cell, mode="clip")) * xp.take(curve.scales, cell, mode="clip")
     return cell + cells * (side > 0), local
 
@@ -222,7 +229,7 @@ def _rates(xp: Any, forces: Forces, mesh: Mesh, amplitudes: Any) -> _Rates:
     slope_change = -0.5 * mesh.chart * half * side * cosine / slope
     x = xp.where(mesh.chart > 0, 2 * xp.arcsin(half), q)
     speed_place = _place(xp, forces.resisting, side, speed)
-    travel_place = _place(xp, forces.restoring, side, x)
+    travel_place = _place(xp, forces.restoring, side, x, mesh.branch)
     resisting, resisting_slope = _value(xp, forces.resisting, speed_place)
     restoring, restoring_slope = _value(xp, forces.restoring, travel_place)
     force = resisting - side * restoring

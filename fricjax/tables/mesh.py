@@ -32,6 +32,7 @@ class Mesh(NamedTuple):
         centre: reference dead band, in the coordinate [m].
         chart: one if the coordinate is that of a pendulum, ``2 sin(x/2)``, else zero; shape ().
         sine, cosine: of the phase at the points [1].
+        branch: sign of the displacement whose side of a kink at the equilibrium counts at a point; zero without a kink.
         weight: phase per rank at the points, times the width of the panel [rad].
         integral: matrix from rates at the points to their integrals from the start, shape (points, points).
         nodes: indices of the points that a sample interpolates, without repetitions, shape (nodes,).
@@ -49,6 +50,7 @@ class Mesh(NamedTuple):
     chart: Any
     sine: Values
     cosine: Values
+    branch: Values
     weight: Values
     integral: Values
     nodes: Values
@@ -138,8 +140,12 @@ def make_mesh(
     layout = layout or choose_layout(oscillator, forces, points)
     frame = _frame(oscillator, forces, points, centre, layout.grading)
     known, sketch = _sketch(frame, previous)
+    if oscillator.restoring.hysteretic:
+        # Internal friction of the spring has a kink at the equilibrium.
+        towards = frame.centre[:, None] + sketch * np.cos(known)
+        frame = frame._replace(middle=_crossings(known, -towards, 0.0, late=False))
     speed = frame.omega[:, None] * sketch * np.sin(known)
-    edges = _panel_edges(frame, oscillator.friction.kink_speeds, layout.panels, known, speed)
+    edges = _panel_edges(frame, oscillator.friction.kink_speeds, layout.panels, known, speed, _SHARES[check])
     integral, ranks = _quadrature(layout.panels, layout.points)
     width = np.diff(edges)
     rank = edges[:, :-1, None] + width[:, :, None] * ranks
@@ -147,7 +153,8 @@ def make_mesh(
     phase, slope = _phase(frame, np.where(late, 2 - rank, rank), late, _SHARES[check])
     sine, cosine = np.sin(phase), np.where(late, -1.0, 1.0) * np.cos(phase)
     weight = slope * width[:, :, None]
-    sine, cosine, weight = (each.reshape(count, -1) for each in (sine, cosine, weight))
+    branch = frame.side[:, None, None] * np.where(late, -1.0, 1.0) * oscillator.restoring.hysteretic
+    sine, cosine, branch, weight = (each.reshape(count, -1) for each in (sine, cosine, branch, weight))
     nodes = np.delete(np.arange(sine.shape[1]), np.arange(1, layout.panels) * layout.points)
     phases = np.where(late, np.pi - phase, phase).reshape(count, -1)
     amplitudes = np.stack([np.interp(*each) for each in zip(phases, known, sketch, strict=True)])
@@ -155,7 +162,7 @@ def make_mesh(
     return Mesh(
         fill(np.ones(count, bool), False), fill(frame.side, 1.0), fill(frame.omega, frame.omega[-1]),
         fill(frame.centre, frame.centre[-1]), np.float64(frame.chart), fill(sine, 0.5), fill(cosine, 0.5),
-        fill(weight, 0.0), integral, nodes, fill(amplitudes, 1.0),
+        fill(branch, 0.0), fill(weight, 0.0), integral, nodes, fill(amplitudes, 1.0),
     )  # fmt: skip
 
 
@@ -196,9 +203,6 @@ def _frame(
         # The lapse of time has poles where the slope of the coordinate vanishes, arctanh(slope) from the reversals.
         layer = np.minimum(layer, np.arctanh(np.clip(slope, 1e-6, 1 - 1e-6)))
     middle = np.full(side.size, np.pi / 2)
-    if restoring.hysteretic:
-        # Internal friction of the spring has a kink at the equilibrium.
-        middle = np.arccos(np.clip(-dead_band / (amplitude + growth / 2), -0.99, 0.99))
     return _Frame(chart, side, omega, dead_band, amplitude, growth, np.clip(layer, _THINNEST, 1e3), middle)
 
 
@@ -240,7 +244,20 @@ def _phase(frame: _Frame, rank: np.ndarray, late: np.ndarray, share: float) -> t
     return np.where(rank > 0, phase, 0.0), 1 / _rank(frame, phase, late, share)[1]
 
 
-def _panel_edges(frame: _Frame, kinks: Sequence[float], panels: int, phase: np.ndarray, speed: np.ndarray) -> np.ndarray:
+def _crossings(phase: np.ndarray, values: np.ndarray, level: float, *, late: bool) -> np.ndarray:
+    """Return the phase at which each row first rises above the level, or last falls below it, else NaN."""
+    above, rows = values > level, np.arange(len(values))
+    # The last sample below the level before the values rise above it, or the last sample above it.
+    index = values.shape[1] - 1 - np.argmax(above[:, ::-1], axis=1) if late else np.argmax(above, axis=1) - 1
+    index = np.clip(index, 0, values.shape[1] - 2)
+    low, high = values[rows, index], values[rows, index + 1]
+    there = phase[rows, index] + (level - low) / (high - low) * (phase[rows, index + 1] - phase[rows, index])
+    return np.where(above.any(axis=1), there, np.nan)
+
+
+def _panel_edges(
+    frame: _Frame, kinks: Sequence[float], panels: int, phase: np.ndarray, speed: np.ndarray, share: float
+) -> np.ndarray:
     """Return the ranks of the edges of panels, from 0 to 2, shape (half_cycles, panels + 1).
 
     The middle and the kinks that the speed passes are edges; `phase` and `speed` sample the motion. Other edges divide
@@ -248,19 +265,12 @@ def _panel_edges(frame: _Frame, kinks: Sequence[float], panels: int, phase: np.n
     """
     edges = np.tile([0.0, 1.0, 2.0], (frame.side.size, 1))
     rows = np.arange(len(edges))
-    middle = frame.middle
     for kink in kinks:
-        above = speed > kink
         for late in (False, True):
-            # The last sample below the kink before the speed rises above it, or the last above it.
-            index = above.shape[1] - 1 - np.argmax(above[:, ::-1], axis=1) if late else np.argmax(above, axis=1) - 1
-            index = np.clip(index, 0, above.shape[1] - 2)
-            part = (kink - speed[rows, index]) / (speed[rows, index + 1] - speed[rows, index])
-            there = phase[rows, index] + part * (phase[rows, index + 1] - phase[rows, index])
-            since = np.where(there <= middle, there, np.pi - there)
-            rank, _ = _rank(frame, since, there > middle, _SHARES[0])
-            rank = np.where(above.any(axis=1), np.where(there <= middle, rank, 2 - rank), np.nan)
-            edges = np.concatenate([edges, rank[:, None]], axis=1)
+            there = _crossings(phase, speed, kink, late=late)
+            behind = there > frame.middle
+            rank, _ = _rank(frame, np.where(behind, np.pi - there, there), behind, share)
+            edges = np.concatenate([edges, np.where(behind, 2 - rank, rank)[:, None]], axis=1)
     edges = np.sort(edges, axis=1)
     if edges.shape[1] > panels + 1 and np.isfinite(edges[:, panels + 1 :]).any():
         raise ValueError(f"The force has {len(kinks)} kinks, too many for {panels} panels.")
@@ -358,7 +368,7 @@ def _impulses(forces: Forces, frame: _Frame, layout: Layout) -> np.ndarray:
     Their weights are the sine and the cosine of the phase, by which a force acts on amplitude and time.
 
     Returns:
-        Shape (2, 2 + columns, half_cycles).
+        Shape (2, 3 + columns, half_cycles); the last integrand is the lapse of time of the coordinate.
     """
     integral, ranks = _quadrature(layout.panels, layout.points)
     rank = (np.arange(layout.panels)[:, None] + ranks) / layout.panels
@@ -368,5 +378,8 @@ def _impulses(forces: Forces, frame: _Frame, layout: Layout) -> np.ndarray:
     speed = frame.omega[:, None] * amplitude * np.sin(phase)
     values = _read(forces.resisting, frame.side[:, None], speed, True)
     values[0] *= speed
+    # The lapse of a half-cycle without friction; it is constant but for a pendulum.
+    q = frame.chart * (frame.centre[:, None] + amplitude * np.cos(phase)) / 2
+    values = np.concatenate([values, 1 / np.sqrt(1 - q[None] ** 2)])
     weights = np.stack([np.sin(phase), np.cos(phase)]) * slope / layout.panels
     return np.einsum("cnp,wnp,p->wcn", values, weights, integral[:, -1])
