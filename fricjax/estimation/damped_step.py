@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from .arrays import fori_loop, namespace, while_loop
 from .covariance import WEAKEST
 from .passes import Pass
 
@@ -42,28 +43,30 @@ class Setting(NamedTuple):
     @classmethod
     def of(cls, options: dict[str, Any]) -> "Setting":
         lower, upper = options["lower"], options["upper"]
-        linear = jnp.asarray(options.get("linear", jnp.zeros(lower.shape, bool)))
-        unbounded = (lower == -jnp.inf) & (upper == jnp.inf)
+        xp = namespace(lower)
+        linear = xp.asarray(options.get("linear", xp.zeros(lower.shape, bool)))
+        unbounded = (lower == -xp.inf) & (upper == xp.inf)
         return cls(lower, upper, options["dof"], options["floor"], linear & unbounded)
 
 
 def units(normal: Float[Array, "p p"]) -> Float[Array, " p"]:
     """Return the length of each Jacobian column, one for a zero column."""
-    diagonal = jnp.diagonal(normal)
-    return jnp.sqrt(jnp.where(diagonal > 0, diagonal, 1.0))
+    xp = namespace(normal)
+    diagonal = xp.diagonal(normal)
+    return xp.sqrt(xp.where(diagonal > 0, diagonal, 1.0))
 
 
 def eliminate(matrix: Float[Array, "... n n"], right: Float[Array, "... n"]) -> Float[Array, "... n"]:
     """Solve systems by Gauss-Jordan elimination without pivoting, with one program per size."""
-    n = right.shape[-1]
-    index = jnp.arange(n)[:, None]
+    xp, n = namespace(matrix), right.shape[-1]
+    index = xp.arange(n)[:, None]
 
-    def clear_column(k: Array, rows: Array) -> Array:
-        row, column = (jax.lax.dynamic_slice_in_dim(rows, k, 1, axis=axis) for axis in (-2, -1))
-        row = row / jax.lax.dynamic_slice_in_dim(row, k, 1, axis=-1)
-        return jnp.where(index == k, row, rows - column * row)
+    def clear_column(k: Any, rows: Array) -> Array:
+        row, column = rows[..., k, None, :], rows[..., k, None]
+        row = row / row[..., k, None]
+        return xp.where(index == k, row, rows - column * row)
 
-    return jax.lax.fori_loop(0, n, clear_column, jnp.concatenate([matrix, right[..., None]], axis=-1))[..., n]
+    return fori_loop(xp, n, clear_column, xp.concatenate([matrix, right[..., None]], axis=-1))[..., n]
 
 
 def restricted_solve(normal: Array, damping: Systems, free: Bool[Array, "k p"], right: Systems) -> Systems:
@@ -80,12 +83,12 @@ def restricted_solve(normal: Array, damping: Systems, free: Bool[Array, "k p"], 
     Returns:
         x, shape (k, p), zero for fixed unknowns.
     """
-    unit, p = units(normal), normal.shape[0]
-    identity = jnp.eye(p)
+    xp, unit, p = namespace(normal), units(normal), normal.shape[0]
+    identity = xp.eye(p)
     damped = normal / (unit[:, None] * unit) + damping[:, :, None] * identity
-    matrix = jnp.where(free[:, :, None] & free[:, None, :], damped, identity)
-    target = jnp.where(free, right / unit, 0.0)
-    if p > _LARGEST_SMALL:
+    matrix = xp.where(free[:, :, None] & free[:, None, :], damped, identity)
+    target = xp.where(free, right / unit, 0.0)
+    if p > _LARGEST_SMALL and xp is jnp:
         return jax.scipy.linalg.solve(matrix, target[:, :, None], assume_a="pos")[:, :, 0] / unit
     return eliminate(matrix, target) / unit
 
@@ -108,21 +111,22 @@ def bounded_steps(
     Returns:
         Steps, shape (k, p); one that ends at a bound equals its distance exactly.
     """
+    xp = namespace(here.normal)
 
     def advance(state: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
         step, fixed, _ = state
-        right = -here.gradient - jnp.where(fixed, step, 0.0) @ here.normal
-        target = jnp.where(fixed, step, restricted_solve(here.normal, damping, ~fixed, right))
+        right = -here.gradient - xp.where(fixed, step, 0.0) @ here.normal
+        target = xp.where(fixed, step, restricted_solve(here.normal, damping, ~fixed, right))
         beyond = ~fixed & ((target < lower) | (target > upper))
-        bound = jnp.where(target > upper, upper, lower)
-        reach = jnp.where(beyond, (bound - step) / jnp.where(beyond, target - step, 1.0), 1.0)
-        nearest = jnp.min(reach, axis=1, keepdims=True)
+        bound = xp.where(target > upper, upper, lower)
+        reach = xp.where(beyond, (bound - step) / xp.where(beyond, target - step, 1.0), 1.0)
+        nearest = xp.min(reach, axis=1, keepdims=True)
         hit = beyond & (reach <= nearest)
-        partway = jnp.where(nearest < 1, step + nearest * (target - step), target)
-        return jnp.where(hit, bound, jnp.clip(partway, lower, upper)), fixed | hit, jnp.any(hit)
+        partway = xp.where(nearest < 1, step + nearest * (target - step), target)
+        return xp.where(hit, bound, xp.clip(partway, lower, upper)), fixed | hit, xp.any(hit)
 
-    fixed = pressed(here, lower, upper) | jnp.zeros(damping.shape, bool)
-    return jax.lax.while_loop(lambda state: state[2], advance, (jnp.zeros_like(damping), fixed, jnp.asarray(True)))[0]
+    fixed = pressed(here, lower, upper) | xp.zeros(damping.shape, bool)
+    return while_loop(xp, lambda state: state[2], advance, (xp.zeros_like(damping), fixed, xp.asarray(True)))[0]
 
 
 def pressed(here: Pass, lower: Float[Array, " p"], upper: Float[Array, " p"]) -> Bool[Array, " p"]:
@@ -140,10 +144,11 @@ def project(there: Pass, linear: Bool[Array, " p"]) -> tuple[Pass, Float[Array, 
         The pass at the moved point; the move, shape (p,); and whether cancellation lost so many digits of the cost
         that the model must be evaluated again.
     """
-    weakest = jnp.full((1, linear.size), WEAKEST)
+    xp = namespace(there.normal)
+    weakest = xp.full((1, linear.size), WEAKEST)
     move = restricted_solve(there.normal, weakest, linear[None], -there.gradient[None])[0]
     pull = there.normal @ move
-    cost = jnp.maximum(there.cost + move @ (there.gradient + pull / 2), 0.0)
+    cost = xp.maximum(there.cost + move @ (there.gradient + pull / 2), 0.0)
     moved = there._replace(cost=cost, gradient=there.gradient + pull)
     return moved, move, cost < _DIGITS_LOST * there.cost
 
@@ -180,16 +185,17 @@ def propose(y: Array, here: Pass, scale: Array, damping: Array, setting: Setting
         setting: solver options.
         trusted: shortening below which the quadratic model is trusted.
     """
-    relative = jnp.where(setting.linear, 0.0, damping * scale / units(here.normal) ** 2)
+    xp = namespace(here.normal)
+    relative = xp.where(setting.linear, 0.0, damping * scale / units(here.normal) ** 2)
     lower, upper = setting.lower - y, setting.upper - y
-    dampings = jnp.maximum(jnp.stack([relative, jnp.zeros_like(y)]), WEAKEST)
+    dampings = xp.maximum(xp.stack([relative, xp.zeros_like(y)]), WEAKEST)
     steps = bounded_steps(here, dampings, lower, upper)
-    bends = jnp.sum(steps * (steps @ here.normal), axis=1)
+    bends = xp.sum(steps * (steps @ here.normal), axis=1)
     full, shortening = steps[1], bends[1]
     # Only damping keeps a step short along a direction to which the residual is insensitive.
-    size, shortened = jnp.sum((units(here.normal) * jnp.stack([full, full - steps[0]])) ** 2, axis=1)
+    size, shortened = xp.sum((units(here.normal) * xp.stack([full, full - steps[0]])) ** 2, axis=1)
     undamped = (shortening < trusted) & (shortened < _TAKEN**2 * size)
-    step, bend = jnp.where(undamped, full, steps[0]), jnp.where(undamped, shortening, bends[0])
+    step, bend = xp.where(undamped, full, steps[0]), xp.where(undamped, shortening, bends[0])
     # Set the bound exactly; adding the step to `y` would miss it by rounding.
-    trial = jnp.where(step <= lower, setting.lower, jnp.where(step >= upper, setting.upper, y + step))
+    trial = xp.where(step <= lower, setting.lower, xp.where(step >= upper, setting.upper, y + step))
     return Proposal(trial, -(here.gradient @ step + bend / 2), full, shortening, undamped)

@@ -15,11 +15,10 @@ from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
-import jax
-import jax.numpy as jnp
 import optimistix as optx
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
+from .arrays import namespace, select
 from .damped_step import Proposal, Setting, pressed, project, propose, units
 from .loss import Squares
 from .passes import AbstractPasses, DensePasses, Pass
@@ -53,6 +52,22 @@ class _State(eqx.Module):
     repeated: Bool[Array, ""]
     start_cost: Float[Array, ""]
     remaining: Float[Array, ""]
+
+
+def minimise(solver: "LevenbergMarquardt", y: Any, options: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
+    """Run the solver on the host, without compilation; the objective takes NumPy arrays.
+
+    Returns:
+        The optimum and the statistics, as `optimistix.least_squares` does.
+    """
+    none, no_tags = None, frozenset()
+    state: Any = solver.init(none, y, none, options, none, none, no_tags)  # pyright: ignore[reportArgumentType]
+    count = 0
+    while state.status == RUNNING:
+        y, state, _ = solver.step(none, y, none, options, state, no_tags)  # pyright: ignore[reportArgumentType]
+        count += 1
+    status = final_status(state.status, y, state.accepted.normal, Setting.of(options))
+    return y, {"status": status, **state.accepted._asdict(), "remaining": state.remaining, "num_steps": count}
 
 
 class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
@@ -98,45 +113,46 @@ class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
                 "Linear coordinates are solved for by least squares, but the loss is "
                 f"{type(self.passes.loss).__name__}. Leave out the option 'linear'."
             )
-        zero, none = jnp.zeros(()), jnp.asarray(0)
+        xp = namespace(y)
+        zero, none = xp.zeros(()), xp.asarray(0)
         nothing = self.passes.nothing(y)
-        damping, status, yes = zero + _FIRST_DAMPING, jnp.asarray(RUNNING), jnp.asarray(True)
-        return _State(y, nothing, jnp.zeros(y.size), damping, zero + 2, zero, status, none, yes, ~yes, ~yes, zero, zero)
+        damping, status, yes = zero + _FIRST_DAMPING, xp.asarray(RUNNING), xp.asarray(True)
+        return _State(y, nothing, xp.zeros(y.size), damping, zero + 2, zero, status, none, yes, ~yes, ~yes, zero, zero)
 
     def step(
         self, fn: Callable, y: Array, args: PyTree, options: dict, state: _State, tags: frozenset
     ) -> tuple[Array, _State, None]:
-        setting = Setting.of(options)
+        xp, setting = namespace(y), Setting.of(options)
         there, move, blurred = project(self.passes(fn, state.trial, args), setting.linear)
         # A pass with too much cancellation, even when repeated, is no usable model.
         reached, finite = state.trial + move, there.finite & ~(blurred & state.repeated)
         reduction = state.accepted.cost - there.cost
-        gain = reduction / jnp.where(state.predicted > 0, state.predicted, 1.0)
+        gain = reduction / xp.where(state.predicted > 0, state.predicted, 1.0)
         accept = finite & (state.first | (gain > 0))
-        here = jax.tree.map(lambda new, old: jnp.where(accept, new, old), there, state.accepted)
-        at = jnp.where(accept, reached, y)
-        least = jnp.where(state.growth > 2, _EASE_AFTER_REJECTION, _EASE)
-        eased = state.damping * jnp.maximum(least, 1 - (2 * jnp.clip(gain, 0.0, 1.0) - 1) ** 3)
+        here = select(xp, accept, there, state.accepted)
+        at = xp.where(accept, reached, y)
+        least = xp.where(state.growth > 2, _EASE_AFTER_REJECTION, _EASE)
+        eased = state.damping * xp.maximum(least, 1 - (2 * xp.clip(gain, 0.0, 1.0) - 1) ** 3)
         # The result of an undamped step is no information about the damping.
         kept = state.first | (state.undamped & ~accept)
-        damping = jnp.where(kept, state.damping, jnp.where(accept, eased, state.damping * state.growth))
-        growth = jnp.where(kept, state.growth, jnp.where(accept, 2.0, state.growth * 2))
-        scale = jnp.maximum(state.scale, jnp.diagonal(here.normal))
+        damping = xp.where(kept, state.damping, xp.where(accept, eased, state.damping * state.growth))
+        growth = xp.where(kept, state.growth, xp.where(accept, 2.0, state.growth * 2))
+        scale = xp.maximum(state.scale, xp.diagonal(here.normal))
         linear = accept & (state.first | (gain > _FORESEEN))
-        ahead = propose(at, here, scale, damping, setting, jnp.where(linear, 2 * _SCATTER * here.cost, 0.0))
+        ahead = propose(at, here, scale, damping, setting, xp.where(linear, 2 * _SCATTER * here.cost, 0.0))
         status, remaining = self._status(at, here, ahead, accept, reduction, state, setting)
-        steps, no = state.steps + 1, jnp.asarray(False)
-        begun = jnp.where(state.first, here.cost, state.start_cost)
+        steps, no = state.steps + 1, xp.asarray(False)
+        begun = xp.where(state.first, here.cost, state.start_cost)
         going = ahead.predicted, status, steps, no, ahead.undamped, no, begun, remaining
         after = _State(ahead.trial, here, scale, damping, growth, *going)
         once_more = (reached, steps, self._running(steps), ~no)
         again = eqx.tree_at(lambda s: (s.trial, s.steps, s.status, s.repeated), state, once_more)
         repeat = blurred & finite
-        chosen = jax.tree.map(lambda a, b: jnp.where(repeat, a, b), again, after)
-        return jnp.where(repeat, y, at), chosen, None
+        chosen = select(xp, repeat, again, after)
+        return xp.where(repeat, y, at), chosen, None
 
     def _running(self, steps: Array) -> Array:
-        return jnp.where(steps < self.max_steps, RUNNING, OUT_OF_STEPS)
+        return namespace(steps).where(steps < self.max_steps, RUNNING, OUT_OF_STEPS)
 
     def _status(
         self,
@@ -149,22 +165,23 @@ class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         setting: Setting,
     ) -> tuple[Array, Array]:
         """Return the status and the squared Gauss-Newton step in standard errors."""
-        loose, unit = jnp.where(accept | state.undamped, 1.0, _ROUGH), units(here.normal)
+        xp = namespace(y)
+        loose, unit = xp.where(accept | state.undamped, 1.0, _ROUGH), units(here.normal)
         variance = (2 * here.cost + setting.floor) / setting.dof
         movable = ~pressed(here, setting.lower - y, setting.upper - y)
-        cosine = jnp.max(jnp.where(movable, jnp.abs(here.gradient) / unit, 0.0))
+        cosine = xp.max(xp.where(movable, xp.abs(here.gradient) / unit, 0.0))
         done = (
             (ahead.shortening < (loose * self.tolerance) ** 2 * variance)
-            | (jnp.linalg.norm(unit * ahead.full) <= loose * self.xtol * jnp.linalg.norm(unit * y))
-            | (cosine <= loose * self.gtol * jnp.sqrt(2 * here.cost))
+            | (xp.linalg.norm(unit * ahead.full) <= loose * self.xtol * xp.linalg.norm(unit * y))
+            | (cosine <= loose * self.gtol * xp.sqrt(2 * here.cost))
             | (here.cost <= self.ftol**2 * state.start_cost)
-            | ((jnp.abs(reduction) <= self.ftol * here.cost) & (ahead.shortening <= 2 * self.ftol * here.cost))
+            | ((xp.abs(reduction) <= self.ftol * here.cost) & (ahead.shortening <= 2 * self.ftol * here.cost))
         )
         damped_away = ~accept & (ahead.predicted < _HOPELESS * ahead.shortening)
-        stuck = damped_away | jnp.all(ahead.trial == y) | ~(ahead.predicted > 0)
-        status = jnp.where(done, CONVERGED, jnp.where(stuck, STALLED, self._running(state.steps + 1)))
-        status = jnp.where(state.first & ~accept, NOT_FINITE, status)
-        return status, ahead.shortening / jnp.where(variance > 0, variance, 1.0)
+        stuck = damped_away | xp.all(ahead.trial == y) | ~(ahead.predicted > 0)
+        status = xp.where(done, CONVERGED, xp.where(stuck, STALLED, self._running(state.steps + 1)))
+        status = xp.where(state.first & ~accept, NOT_FINITE, status)
+        return status, ahead.shortening / xp.where(variance > 0, variance, 1.0)
 
     def terminate(
         self, fn: Callable, y: Array, args: PyTree, options: dict, state: _State, tags: frozenset

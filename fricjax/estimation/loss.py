@@ -9,11 +9,11 @@ residuals look like outliers at the start.
 import abc
 
 import equinox as eqx
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..errors import check_choice
 from ..settings import LOSSES
+from .arrays import namespace
 
 # Least curvature along a residual as a part of its weight, see above.
 _LEAST_CURVATURE = 0.1
@@ -36,7 +36,8 @@ class Squares(AbstractLoss):
     """Least squares: each residual contributes its square."""
 
     def parts(self, residual: Residuals) -> tuple[Residuals, Residuals, Residuals]:
-        one = jnp.ones_like(residual)
+        xp = namespace(residual)
+        one = xp.ones_like(residual)
         return residual**2, one, one
 
 
@@ -50,11 +51,12 @@ class Huber(AbstractLoss):
     delta: float = 1.345
 
     def parts(self, residual: Residuals) -> tuple[Residuals, Residuals, Residuals]:
-        size = jnp.abs(residual)
+        xp = namespace(residual)
+        size = xp.abs(residual)
         inside = size <= self.delta
-        weight = self.delta / jnp.where(inside, self.delta, size)
-        loss = jnp.where(inside, residual**2, self.delta * (2 * size - self.delta))
-        return loss, weight, jnp.where(inside, 1.0, _LEAST_CURVATURE * weight)
+        weight = self.delta / xp.where(inside, self.delta, size)
+        loss = xp.where(inside, residual**2, self.delta * (2 * size - self.delta))
+        return loss, weight, xp.where(inside, 1.0, _LEAST_CURVATURE * weight)
 
 
 class SoftL1(AbstractLoss):
@@ -69,10 +71,11 @@ class SoftL1(AbstractLoss):
     delta: float = 1.0
 
     def parts(self, residual: Residuals) -> tuple[Residuals, Residuals, Residuals]:
-        root = jnp.sqrt(1 + (residual / self.delta) ** 2)
+        xp = namespace(residual)
+        root = xp.sqrt(1 + (residual / self.delta) ** 2)
         weight = 1 / root
         # z / (root + 1) equals delta^2 (root - 1) without cancellation.
-        return 2 * residual**2 / (root + 1), weight, jnp.maximum(weight**3, _LEAST_CURVATURE * weight)
+        return 2 * residual**2 / (root + 1), weight, xp.maximum(weight**3, _LEAST_CURVATURE * weight)
 
 
 class Cauchy(AbstractLoss):
@@ -87,9 +90,10 @@ class Cauchy(AbstractLoss):
     delta: float = 2.385
 
     def parts(self, residual: Residuals) -> tuple[Residuals, Residuals, Residuals]:
+        xp = namespace(residual)
         z = (residual / self.delta) ** 2
         weight = 1 / (1 + z)
-        return self.delta**2 * jnp.log1p(z), weight, weight * jnp.maximum((1 - z) * weight, _LEAST_CURVATURE)
+        return self.delta**2 * xp.log1p(z), weight, weight * xp.maximum((1 - z) * weight, _LEAST_CURVATURE)
 
 
 _NAMED = dict(zip(LOSSES, (Squares, Huber, SoftL1, Cauchy), strict=True))

@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 from equinox import AbstractVar
 from jaxtyping import Array, Bool, Float, PyTree
 
+from .arrays import namespace
 from .loss import AbstractLoss, Squares
 
 
@@ -34,7 +34,8 @@ class Pass(NamedTuple):
 
         A tangent that is not finite shows in the normal matrix.
         """
-        return jnp.isfinite(self.cost) & jnp.all(jnp.isfinite(self.gradient)) & jnp.all(jnp.isfinite(self.normal))
+        xp = namespace(self.cost)
+        return xp.isfinite(self.cost) & xp.all(xp.isfinite(self.gradient)) & xp.all(xp.isfinite(self.normal))
 
 
 def residual_and_jacobian(fn: Callable, y: Float[Array, " p"]) -> tuple[Float[Array, " n"], Float[Array, "n p"]]:
@@ -51,7 +52,9 @@ def residual_and_jacobian(fn: Callable, y: Float[Array, " p"]) -> tuple[Float[Ar
 def gather(residual: Float[Array, " n"], jacobian: Float[Array, "n p"], loss: AbstractLoss) -> Pass:
     """Sum cost, gradient and normal matrix over residuals; chunks are additive."""
     rho, weight, curvature = loss.parts(residual)
-    return Pass(jnp.sum(rho) / 2, jacobian.T @ (weight * residual), jacobian.T @ (curvature[:, None] * jacobian))
+    return Pass(
+        namespace(residual).sum(rho) / 2, jacobian.T @ (weight * residual), jacobian.T @ (curvature[:, None] * jacobian)
+    )
 
 
 class AbstractPasses(eqx.Module):
@@ -72,7 +75,8 @@ class AbstractPasses(eqx.Module):
 
     def nothing(self, y: Float[Array, " p"]) -> Pass:
         """Return the placeholder before the first evaluation: infinite cost."""
-        return Pass(jnp.asarray(jnp.inf), jnp.zeros(y.size), jnp.full((y.size, y.size), jnp.nan))
+        xp = namespace(y)
+        return Pass(xp.asarray(xp.inf), xp.zeros(y.size), xp.full((y.size, y.size), xp.nan))
 
 
 class DensePasses(AbstractPasses):

@@ -10,9 +10,10 @@ from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
+
+from .arrays import namespace
 
 # Nuisance parameters that enter the reading linearly, so that they can be projected out.
 LINEAR = frozenset({"offset", "drift"})
@@ -85,11 +86,11 @@ class ParameterSpace(eqx.Module):
 
     def values(self, q: Float[Array | np.ndarray, " p"]) -> Float[Array, " p"]:
         """Return the values of all parameters at coordinates `q`."""
-        log, inverse = self._fitted("logarithm"), self._fitted("inverse root")
+        xp, log, inverse = namespace(q), self._fitted("logarithm"), self._fitted("inverse root")
         # Both branches of `where` are differentiated, so each must be finite for all coordinates.
-        powers = self.start * jnp.exp(jnp.where(log, q, 0.0))
-        quotients = self.start / jnp.where(inverse, 1 - q, 1.0) ** 2
-        return jnp.where(log, powers, jnp.where(inverse, quotients, self.start + self.scale * q))
+        powers = self.start * xp.exp(xp.where(log, q, 0.0))
+        quotients = self.start / xp.where(inverse, 1 - q, 1.0) ** 2
+        return xp.where(log, powers, xp.where(inverse, quotients, self.start + self.scale * q))
 
     def coordinates(self, values: np.ndarray) -> np.ndarray:
         """Return the coordinates of values; -inf for a transformed value of zero."""
@@ -103,7 +104,8 @@ class ParameterSpace(eqx.Module):
     def slope(self, q: Float[Array | np.ndarray, " p"]) -> Float[Array, " p"]:
         """Return the derivative of each value with respect to its coordinate."""
         log, inverse, values = self._fitted("logarithm"), self._fitted("inverse root"), self.values(q)
-        return jnp.where(log, values, jnp.where(inverse, 2 * values * jnp.sqrt(values / self.start), self.scale))
+        xp = namespace(q)
+        return xp.where(log, values, xp.where(inverse, 2 * values * xp.sqrt(values / self.start), self.scale))
 
     def _fitted(self, way: str) -> np.ndarray:
         return np.array([fitted == way for fitted in self.fitted_as])

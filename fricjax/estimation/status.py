@@ -3,10 +3,9 @@
 This module is separate from the solver, because loading a compiled solver needs these names but not optimistix.
 """
 
-import jax
-import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from .arrays import fori_loop, namespace
 from .covariance import WEAKEST
 from .damped_step import Setting, units
 
@@ -34,15 +33,16 @@ def final_status(
 
     A converged fit may still be at a bound or undetermined.
     """
+    xp = namespace(y)
     # optimistix ends the loop at its own limit of steps and leaves the status at RUNNING.
-    cut_short = jnp.where(jnp.all(jnp.isfinite(y)), OUT_OF_STEPS, NOT_FINITE)
-    status = jnp.where(status == RUNNING, cut_short, status)
+    cut_short = xp.where(xp.all(xp.isfinite(y)), OUT_OF_STEPS, NOT_FINITE)
+    status = xp.where(status == RUNNING, cut_short, status)
     movable = setting.lower < setting.upper
     inside = (setting.lower < y) & (y < setting.upper)
-    at_bound = jnp.any(movable & ~inside)
-    converged = jnp.where(at_bound, AT_BOUND, CONVERGED)
-    converged = jnp.where(is_determined(normal, inside), converged, UNDETERMINED)
-    return jnp.where(status == CONVERGED, converged, status)
+    at_bound = xp.any(movable & ~inside)
+    converged = xp.where(at_bound, AT_BOUND, CONVERGED)
+    converged = xp.where(is_determined(normal, inside), converged, UNDETERMINED)
+    return xp.where(status == CONVERGED, converged, status)
 
 
 def is_determined(normal: Float[Array, "p p"], free: Bool[Array, " p"]) -> Bool[Array, ""]:
@@ -55,15 +55,16 @@ def is_determined(normal: Float[Array, "p p"], free: Bool[Array, " p"]) -> Bool[
         >>> bool(is_determined(jnp.diag(jnp.array([2.0, 1e-9])), free)), bool(is_determined(jnp.ones((2, 2)), free))
         (True, False)
     """
-    unit, identity = units(normal), jnp.eye(free.size)
+    xp = namespace(normal)
+    unit, identity = units(normal), xp.eye(free.size)
     # Replace rows that are fixed or not finite by rows of the identity; their eigenvalue of one hides no other.
-    matrix = jnp.where(free[:, None] & free & jnp.isfinite(normal), normal / (unit[:, None] * unit), identity)
-    below = jnp.arange(free.size)[:, None]
+    matrix = xp.where(free[:, None] & free & xp.isfinite(normal), normal / (unit[:, None] * unit), identity)
+    below = xp.arange(free.size)[:, None]
 
     def clear_below(k: Array, rows: Array) -> Array:
-        return jnp.where(below > k, rows - rows[:, k, None] * rows[k] / rows[k, k], rows)
+        return xp.where(below > k, rows - rows[:, k, None] * rows[k] / rows[k, k], rows)
 
     # By Sylvester's law of inertia, positive pivots mean that no eigenvalue is below the threshold. LAPACK would return
     # the eigenvalues, but compiling its call costs a first fit more time than all its steps.
-    pivots = jnp.diagonal(jax.lax.fori_loop(0, free.size, clear_below, matrix - WEAKEST * identity))
-    return jnp.all(pivots > 0)
+    pivots = xp.diagonal(fori_loop(xp, free.size, clear_below, matrix - WEAKEST * identity))
+    return xp.all(pivots > 0)

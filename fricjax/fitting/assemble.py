@@ -25,6 +25,7 @@ from .problem import Problem
 from .rest import CONTRADICTED, Bracket, bracket_static, excess_at_reversals, rest_margin
 from .result import Fit, named
 from .solve import Solution
+from .tabulate import untabulated
 from .warnings import warnings_of_model, warnings_of_run
 from .window import NEVER, OF_RESIDUALS
 
@@ -82,7 +83,7 @@ def assemble(weighted: NoiseWeighted, sigma_mode: str) -> Fit:
         **_criteria(weighted, sigma_mode),
         oscillator=machine,
         **_of_the_runs(problem),
-        engine_used=problem.residual.engine,
+        engine_used=untabulated(problem.residual).engine,
         problem=problem,
     )
 

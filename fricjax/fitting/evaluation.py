@@ -14,8 +14,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, PyTree
 
+from ..estimation.arrays import namespace
 from ..estimation.loss import AbstractLoss, Squares
 from ..estimation.passes import AbstractPasses, Pass, gather, residual_and_jacobian
+from .derived import Derived, derive
 from .residual import ObservedMotion, Residual, Run, power
 
 # A condensed record fills one or two chunks; longer chunks would contain more samples without weight.
@@ -62,7 +64,7 @@ class Evaluation(NamedTuple):
         gradient: J'r, shape (coordinates,), with samples weighted by the loss.
         normal: J'J, shape (coordinates, coordinates), likewise.
         runs: cost, gradient and normal matrix of the samples of each run.
-        pulls: spring force at the turning points of each run, from its path [N].
+        turning_points: turning points of each run, from its path [m].
         blocks: sums over blocks of samples of each run, the columns of a `Block`, shape (blocks, 6 + coordinates).
     """
 
@@ -72,7 +74,7 @@ class Evaluation(NamedTuple):
     gradient: Any
     normal: Any
     runs: Any
-    pulls: Any
+    turning_points: Any
     blocks: Any
 
 
@@ -85,12 +87,43 @@ def evaluate(residual: Residual, y: Float[Array, " coordinates"], loss: Abstract
     r, slopes = residual_and_jacobian(residual.priors, y)
     # The loss of a prior is always its square.
     priors = gather(r, slopes, Squares())
-    residuals, passes, pulls, blocks = zip(*parts, strict=True)
+    residuals, passes, points, blocks = zip(*parts, strict=True)
     sums = jax.tree.map(lambda *values: sum(values), priors, *passes)
     joined = jnp.concatenate([*residuals, r])
     return Evaluation(
-        joined, joined @ joined, sums.cost, sums.gradient, sums.normal, list(passes), list(pulls), list(blocks)
+        joined, joined @ joined, sums.cost, sums.gradient, sums.normal, list(passes), list(points), list(blocks)
     )
+
+
+class TracedModel(NamedTuple):
+    """Model of a residual in traced code, by its engine.
+
+    Attributes:
+        residual: the residual.
+    """
+
+    residual: Residual
+
+    def evaluate(self, y: Array, weights: Sequence[Array], loss: AbstractLoss) -> Evaluation:
+        """Return residual, gradient and normal matrix at coordinates `y`, from samples with these weights."""
+        return evaluate(self.residual.with_runs(weight=weights), y, loss)
+
+    def derive(self, y: Array) -> Derived:
+        """Return the physical values for coordinates `y`."""
+        return derive(self.residual, y)
+
+    def keep(self, evaluation: Evaluation) -> Evaluation:
+        """Return the form in which the solver keeps an evaluation."""
+        return evaluation
+
+    def kept(self, kept: Evaluation) -> Evaluation:
+        """Return the evaluation that the solver kept."""
+        return kept
+
+    def nothing(self, y: Array, weights: Sequence[Array], loss: AbstractLoss) -> Evaluation:
+        """Return the form of no evaluation."""
+        unseen = jax.eval_shape(lambda at: self.evaluate(at, weights, loss), y)
+        return jax.tree.map(lambda of: jnp.full(of.shape, jnp.nan, of.dtype), unseen)
 
 
 class EvaluationPasses(AbstractPasses):
@@ -99,30 +132,37 @@ class EvaluationPasses(AbstractPasses):
     It ignores the function that the solver passes.
 
     Attributes:
-        residual: residual of the records and priors.
+        model: model of the records and priors: a `TracedModel`, or one with the same methods.
+        weights: weights of the samples of each run, shape (samples,).
         loss: loss of the residuals.
         doubted: coordinates that count as failed if the motion there is out of phase; NaN for none.
         tolerance: weighted residual above which a sample is out of phase, shape (samples,) for each run.
     """
 
-    residual: Residual
+    model: Any
+    weights: Sequence[Float[Array, " samples"]]
     loss: AbstractLoss
     doubted: Float[Array, " coordinates"]
     tolerance: Sequence[Float[Array, " samples"]]
 
     def nothing(self, y: Float[Array, " coordinates"]) -> Pass:
-        unseen = jax.eval_shape(lambda at: evaluate(self.residual, at, self.loss), y)
-        return super().nothing(y)._replace(kept=jax.tree.map(lambda of: jnp.full(of.shape, jnp.nan, of.dtype), unseen))
+        return super().nothing(y)._replace(kept=self.model.nothing(y, self.weights, self.loss))
 
     def __call__(self, fn: Callable, y: Float[Array, " coordinates"], args: PyTree) -> Pass:
-        evaluation = evaluate(self.residual, y, self.loss)
-        lost = jnp.all(y == self.doubted) & self._astray(evaluation.residual)
-        return Pass(jnp.where(lost, jnp.nan, evaluation.cost), evaluation.gradient, evaluation.normal, evaluation)
+        xp, evaluation = namespace(y), self.model.evaluate(y, self.weights, self.loss)
+        lost = xp.all(y == self.doubted) & self._astray(evaluation.residual)
+        cost = xp.where(lost, xp.nan, evaluation.cost)
+        return Pass(cost, evaluation.gradient, evaluation.normal, self.model.keep(evaluation))
+
+    def evaluation(self, kept: Any) -> Evaluation:
+        """Return the evaluation that the solver kept."""
+        return self.model.kept(kept)
 
     def _astray(self, r: Float[Array, " residuals"]) -> Bool[Array, ""]:
-        tolerance = jnp.concatenate([jnp.asarray(part) for part in self.tolerance])
-        used = jnp.concatenate([run.weight > 0 for run in self.residual.runs])
-        return jnp.any(used & ~(jnp.abs(r[: used.size]) < tolerance))
+        xp = namespace(r)
+        tolerance = xp.concatenate([xp.asarray(part) for part in self.tolerance])
+        used = xp.concatenate([weight > 0 for weight in self.weights])
+        return xp.any(used & ~(xp.abs(r[: used.size]) < tolerance))
 
 
 def _of_runs(
@@ -146,13 +186,13 @@ def _of_runs(
 
 
 def _among_all(
-    directions: Array, residual: Array, sums: Pass, pulls: Array, blocks: Array
+    directions: Array, residual: Array, sums: Pass, points: Array, blocks: Array
 ) -> tuple[Array, Pass, Array, Array]:
     """Return the results of one run, with sums along all coordinates."""
     few = len(Block._fields) - 1
     slopes = blocks[:, few:] @ directions.astype(blocks.dtype)
     along_all = Pass(sums.cost, sums.gradient @ directions, directions.T @ sums.normal @ directions)
-    return residual, along_all, pulls, jnp.concatenate([blocks[:, :few], slopes], axis=1)
+    return residual, along_all, points, jnp.concatenate([blocks[:, :few], slopes], axis=1)
 
 
 def block_length(samples: int) -> int:
@@ -161,7 +201,7 @@ def block_length(samples: int) -> int:
 
 
 def _run(residual: Residual, y: Array, number: Any, data: Run, loss: AbstractLoss) -> tuple[Array, Pass, Array, Array]:
-    """Return residual, sums, forces at turning points, and blocks of one run.
+    """Return residual, sums, turning points, and blocks of one run.
 
     Sums are along the directions of this run only: in a joint fit most coordinates belong to other runs.
     """
@@ -216,6 +256,4 @@ def _run(residual: Residual, y: Array, number: Any, data: Run, loss: AbstractLos
         Pass(jnp.zeros(()), zero, zero[:, None] * zero),
     )
     r, blocks, sums = jax.lax.fori_loop(0, last // CHUNK + 1, chunk, begin)
-    machine, points = residual.machine(y), eqx.combine(moving, fixed).path.turning_points
-    pulls = jnp.abs(machine.restoring_force(points)) - machine.hysteresis(points)
-    return r[:n], sums, pulls, blocks
+    return r[:n], sums, eqx.combine(moving, fixed).path.turning_points, blocks

@@ -26,6 +26,7 @@ from .residual import Residual, power, without_inputs
 from .rig_inputs import contradiction, rig_inputs
 from .runs import condensation, condensed_run, full_run, longer, of_one_length, stage_weights_of
 from .stages import Limits, StageWeights
+from .tabulate import Tables
 from .window import NEVER, Window, equilibrium, open_window
 
 # Least number of half-cycles to provide for, so that records of an archive share their compilation.
@@ -172,6 +173,7 @@ def with_windows(problem: Problem, windows: tuple[Window, ...]) -> Problem:
     """Return the problem with other samples or weights."""
     pairs = zip(windows, problem.residual.runs, strict=True)
     runs = tuple(full_run(window, True)._replace(half_cycles=run.half_cycles) for window, run in pairs)
+    runs = tuple(run._replace(engine=old.engine) for run, old in zip(runs, problem.residual.runs, strict=True))
     residual = problem.residual._replace(runs=of_one_length(runs))
     condensed = _condensed(residual, windows)
     stage_weights = tuple(stage_weights_of(window, run) for window, run in zip(windows, condensed.runs, strict=True))
@@ -230,6 +232,8 @@ def _residual(
     mean, weight = parse_priors(request.priors, [parameter.name for parameter in parameters], windows)
     oscillator = jax.tree.map(lambda leaf: np.asarray(leaf, float), request.oscillator)
     runs = of_one_length(tuple(full_run(window, can_stop(request)) for window in windows))
+    if isinstance(engine, Tables):
+        runs = tuple(run._replace(engine=engine.of_run(w)) for run, w in zip(runs, windows, strict=True))
     inputs = rig_inputs(request.rig, oscillator, {*space.leaves, *(tie.leaf for tie in space.ties)})
     priors = np.asarray(mean), np.asarray(weight)
     return Residual(oscillator, space, engine, runs, *priors, inputs.changes, inputs.period), inputs.measured
@@ -263,7 +267,12 @@ def engine_for(request: Request, windows: Sequence[Window]) -> AbstractEngine:
     except ValueError as error:
         raise UsageError(str(error)) from error
     # An engine object is used unchanged.
-    return engine.tuned(machine, _demands(windows)) if isinstance(request.engine, str) else engine
+    if not isinstance(request.engine, str):
+        return engine
+    demands = _demands(windows)
+    tuned = engine.tuned(machine, demands)
+    by_tables = request.engine == "auto" and demands.from_rest and Tables.refusal(machine) is None
+    return Tables(tuned) if by_tables else tuned
 
 
 def _demands(windows: Sequence[Window]) -> Demands:

@@ -41,7 +41,7 @@ class Run(NamedTuple):
     weight: Any
     half_cycles: Any
     fixed: dict[str, Any]
-    engine: AbstractEngine | None = None
+    engine: Any = None
 
 
 class ObservedMotion(eqx.Module):

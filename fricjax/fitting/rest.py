@@ -242,7 +242,7 @@ def stops_within(problem: Problem, solution: Solution, run: int) -> int | None:
     half-cycle of the record.
     """
     recorded, machine = int(problem.residual.runs[run].half_cycles), solution.derived.machine
-    law, load, pulls = machine.friction, machine.normal_force, solution.evaluation.pulls[run]
+    law, load, pulls = machine.friction, machine.normal_force, _pulls(solution, run)
     begins = _starts_moving(problem, run) or not pulls[0] <= float(law.breakaway_force(load))
     if recorded >= NEVER or not begins:
         return recorded
@@ -272,7 +272,7 @@ def rest_margin(problem: Problem, solution: Solution, run: int) -> Margin | None
     count, machine = int(problem.residual.runs[run].half_cycles), solution.derived.machine
     if not machine.friction.set_valued or count >= NEVER or count < 1:
         return None
-    excess = solution.evaluation.pulls[run] - float(machine.friction.static_force(machine.normal_force))
+    excess = _pulls(solution, run) - float(machine.friction.static_force(machine.normal_force))
     stop, before = (float(excess[n] / machine.stiffness) for n in (count, count - 1))
     return Margin(-stop, np.inf if count == 1 and _starts_moving(problem, run) else before)
 
@@ -287,9 +287,15 @@ def excess_at_reversals(problem: Problem, solution: Solution, run: int) -> float
     machine, ends_in_motion = solution.derived.machine, int(problem.residual.runs[run].half_cycles) >= NEVER
     if not (machine.friction.set_valued and ends_in_motion and problem.bracketed is None):
         return None
-    moved_on = solution.evaluation.pulls[run][int(_starts_moving(problem, run)) : problem.windows[run].completed + 1]
+    moved_on = _pulls(solution, run)[int(_starts_moving(problem, run)) : problem.windows[run].completed + 1]
     static = float(machine.friction.static_force(machine.normal_force))
     return float((np.min(moved_on, initial=np.inf) - static) / machine.stiffness)
+
+
+def _pulls(solution: Solution, run: int) -> np.ndarray:
+    """Return the force of the spring at the turning points of a run [N]."""
+    machine, points = solution.derived.machine, np.asarray(solution.evaluation.turning_points[run])
+    return np.abs(np.asarray(machine.restoring_force(points))) - np.asarray(machine.hysteresis(points))
 
 
 def _starts_moving(problem: Problem, run: int) -> bool:
@@ -308,7 +314,7 @@ def bracket_static(problem: Problem, solution: Solution) -> Bracket | None:
     load = float(machine.normal_force)
     lower, upper = float(machine.friction.dynamic_force(machine.normal_force)) / load, np.inf
     for run, window in enumerate(problem.windows):
-        pull = solution.evaluation.pulls[run] / load
+        pull = _pulls(solution, run) / load
         count = int(problem.residual.runs[run].half_cycles)
         stopped = count < NEVER
         moved_on = pull[int(_starts_moving(problem, run)) : count if stopped else window.completed]

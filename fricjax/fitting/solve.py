@@ -8,6 +8,7 @@ a mesh for its coordinates, and gets a new one at the optimum.
 All of this uses one compiled program, with other samples, meshes and schedules.
 """
 
+import dataclasses
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
@@ -19,7 +20,7 @@ from .. import thresholds
 from ..errors import UsageError
 from ..estimation.covariance import Quadratic, quadratic
 from ..estimation.loss import AbstractLoss, Squares
-from ..estimation.status import AT_BOUND, CONVERGED, OUT_OF_STEPS, STALLED, UNDETERMINED
+from ..estimation.status import AT_BOUND, CONVERGED, NOT_FINITE, OUT_OF_STEPS, STALLED, UNDETERMINED
 from ..oscillator import Program, waiting
 from ..oscillator.engines import AbstractEngine
 from .chunks import Member, solve_in_chunks
@@ -29,7 +30,18 @@ from .mesh import likely, with_mesh
 from .problem import Problem
 from .residual import Residual, without_inputs
 from .runs import full_stage
-from .stages import CONTINUE, CONTINUE_ROBUST, EVALUATE_ONLY, ROUNDING, Iterate, Schedule, like_iterate, solve_in_stages
+from .stages import (
+    CONTINUE,
+    CONTINUE_ROBUST,
+    EVALUATE_ONLY,
+    ROUNDING,
+    Iterate,
+    Schedule,
+    like_iterate,
+    solve_in_stages,
+    solve_on_host,
+)
+from .tabulate import Tables, untabulated
 
 _BOUNDLESS = 1e100
 # The first mesh, and the least-squares stage of a robust fit, only provide a start for the next stage: factor of the
@@ -107,8 +119,16 @@ staged = Program(solve_in_stages, like_iterate)
 def one_by_one(members: Sequence[Member], loss: AbstractLoss) -> list[Iterate]:
     """Return the iterate of each problem, solved separately."""
     with waiting():
-        ends = [staged(m.residual, m.stage_weights, m.limits, loss, m.y, m.schedule) for m in members]
-        return jax.tree.map(np.asarray, ends)
+        return [_solved(member, loss) for member in members]
+
+
+def _solved(member: Member, loss: AbstractLoss) -> Iterate:
+    arguments = member.stage_weights, member.limits, loss, np.asarray(member.y), member.schedule
+    if isinstance(member.residual.engine, Tables):
+        at = solve_on_host(member.residual, *arguments)
+        if int(at.status) != NOT_FINITE and np.isfinite(at.evaluation.cost):
+            return at
+    return jax.tree.map(np.asarray, staged(untabulated(member.residual), *arguments))
 
 
 # Outline of a fit: `solve` calls `solve_condensed`, which proceeds in stages to the optimum of few samples (`_optima`).
@@ -131,6 +151,10 @@ def solve_batch(problems: Sequence[Problem], begins: Sequence[np.ndarray] | None
     if not problems:
         return []
     begins = [start_coordinates(problem) for problem in problems] if begins is None else begins
+    # Tables of single fits would take longer than the solves.
+    problems = [
+        dataclasses.replace(p, residual=untabulated(p.residual), condensed=untabulated(p.condensed)) for p in problems
+    ]
     run = lambda members, loss: [at for at, _ in solve_in_chunks(members, loss)]
     ends = _optima(problems, begins, run, Schedule())
     targets = [with_inputs(problem.residual, at.y) for problem, at in zip(problems, ends, strict=True)]
@@ -154,7 +178,8 @@ def _compile_ahead(problem: Problem, begin: Any) -> None:
     wanted = []
     if problem.residual.engine.needs_mesh and (expected := likely(problem.condensed, begin)) is not None:
         wanted.append((Member(expected, problem.stage_weights, problem.limits, begin, _NEAR), Squares()))
-    if problem.residual.inputs.shape[0] and (expected := likely(problem.residual, begin)) is not None:
+    tabulated = isinstance(problem.residual.engine, Tables)
+    if problem.residual.inputs.shape[0] and not tabulated and (expected := likely(problem.residual, begin)) is not None:
         evaluated = _with_engine(expected, expected.engine.checking())
         member = on_all_samples(problem, evaluated, with_inputs(evaluated, begin), EVALUATE_ONLY)
         wanted.append((member, problem.loss))

@@ -14,20 +14,21 @@ optimum, need no further compilation. Inputs of a rig are evaluated by a separat
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..estimation.arrays import namespace, select, while_loop
 from ..estimation.loss import AbstractLoss, Squares
 from ..estimation.passes import Pass
 from ..estimation.status import MAX_STEPS, NOT_FINITE
-from .derived import Derived, derive
-from .evaluation import Evaluation, EvaluationPasses, evaluate
+from .derived import Derived
+from .evaluation import Evaluation, EvaluationPasses, TracedModel
 from .residual import Residual
+from .tabulate import TabulatedModel
 
 if TYPE_CHECKING:
-    import optimistix
+    pass
 
 ROUNDING = 1e-12
 FINE = 1e-3
@@ -102,7 +103,7 @@ def like_iterate(residual: Residual, *_: Any) -> Iterate:
     """Return an object with the structure of an iterate for a residual."""
     none: Any = 0
     each = [none for _ in residual.runs]
-    evaluation = Evaluation(*[none] * 5, runs=[Pass(none, none, none) for _ in each], pulls=each, blocks=each)
+    evaluation = Evaluation(*[none] * 5, runs=[Pass(none, none, none) for _ in each], turning_points=each, blocks=each)
     return Iterate(none, none, none, none, evaluation, Derived(none, none, residual.oscillator, none, none))
 
 
@@ -131,67 +132,84 @@ def solve_in_stages(
     With inputs of a rig only evaluate: stages would never move these inputs, and a solver for so many coordinates would
     be compiled in vain.
     """
-    none, y = jnp.asarray(0), jnp.asarray(y)
-    if residual.inputs.shape[0]:
-        return Iterate(y, none, none, none, evaluate(residual, y, loss), derive(residual, y))
+    xp = namespace(y)
+    none = xp.asarray(0)
     all_weights = [run.weight for run in residual.runs]
-    shortest = jnp.min(jnp.stack([jnp.asarray(part.shortest) for part in stage_weights]))
+    model = TracedModel(residual) if xp is jnp else TabulatedModel(residual, y)
+    if residual.inputs.shape[0]:
+        return Iterate(y, none, none, none, model.evaluate(y, all_weights, loss), model.derive(y))
+    shortest = xp.min(xp.stack([xp.asarray(part.shortest) for part in stage_weights]))
 
     def weights(reach: Array) -> list[Array]:
         windows = [_until(run.t, part.moving, reach) for run, part in zip(residual.runs, stage_weights, strict=True)]
-        return [jnp.where(reach >= _EVERYTHING, w, window) for w, window in zip(all_weights, windows, strict=True)]
+        return [xp.where(reach >= _EVERYTHING, w, window) for w, window in zip(all_weights, windows, strict=True)]
 
     def stage(state: _State) -> _State:
         sure = state.reach <= state.trusted
-        near = jnp.where(state.reach < _EVERYTHING, jnp.maximum(way.tolerance, _ON_THE_WAY), way.tolerance)
+        near = xp.where(state.reach < _EVERYTHING, xp.maximum(way.tolerance, _ON_THE_WAY), way.tolerance)
         passes = EvaluationPasses(
-            residual=residual.with_runs(weight=weights(state.reach)),
+            model=model,
+            weights=weights(state.reach),
             loss=loss,
-            doubted=jnp.where(sure, jnp.nan, state.y),
+            doubted=xp.where(sure, xp.nan, state.y),
             tolerance=[part.tolerance for part in stage_weights],
         )
-        optimum = _least_squares(passes, limits, state.y, near, way.steps)
-        stats, steps = optimum.stats, state.iterations + optimum.stats["num_steps"]
-        seen = stats["kept"]._replace(cost=stats["cost"], gradient=stats["gradient"])
-        further = jnp.where(state.reach < _EVERYTHING, _EVERYTHING, jnp.inf)
-        onward = _State(optimum.value, stats["status"], steps, state.stages + 1, seen, further, 2 * state.reach)
-        shorter = state._replace(reach=jnp.maximum(state.reach / 2, state.trusted))
-        lost = ~sure & (stats["status"] == NOT_FINITE)
-        return jax.tree.map(lambda back, on: jnp.where(lost, back, on), shorter, onward)
+        value, stats = _least_squares(passes, residual, limits, state.y, near, way.steps)
+        steps = state.iterations + stats["num_steps"]
+        seen = passes.evaluation(stats["kept"])._replace(cost=stats["cost"], gradient=stats["gradient"])
+        further = xp.where(state.reach < _EVERYTHING, _EVERYTHING, xp.inf)
+        onward = _State(value, stats["status"], steps, state.stages + 1, seen, further, 2 * state.reach)
+        shorter = state._replace(reach=xp.maximum(state.reach / 2, state.trusted))
+        return select(xp, ~sure & (stats["status"] == NOT_FINITE), shorter, onward)
 
-    unseen = EvaluationPasses(residual=residual, loss=loss, doubted=y, tolerance=[]).nothing(y).kept
-    trusted = jnp.where(way.sure, _EVERYTHING, shortest)
-    first = _State(y, none, none, none, unseen, jnp.asarray(_EVERYTHING), trusted)
-    end = jax.lax.while_loop(lambda state: state.reach <= _EVERYTHING, stage, first)
-    return Iterate(end.y, end.status, end.iterations, end.stages, end.evaluation, derive(residual, end.y))
+    unseen = EvaluationPasses(model, all_weights, loss, y, []).nothing(y).kept
+    trusted = xp.where(way.sure, _EVERYTHING, shortest)
+    first = _State(y, none, none, none, unseen, xp.asarray(_EVERYTHING), trusted)
+    end = while_loop(xp, lambda state: state.reach <= _EVERYTHING, stage, first)
+    return Iterate(end.y, end.status, end.iterations, end.stages, end.evaluation, model.derive(end.y))
+
+
+def solve_on_host(*arguments: Any) -> Iterate:
+    """Solve by tables of forces on the host; arguments as of `solve_in_stages`, in NumPy arrays."""
+    # A trial that is not finite is rejected.
+    with np.errstate(all="ignore"):
+        return solve_in_stages(*arguments)
 
 
 def _least_squares(
-    passes: EvaluationPasses, limits: Limits, y: Float[Array, " coordinates"], tolerance: Array, steps: Array
-) -> "optimistix.Solution":
-    """Run Levenberg-Marquardt once from coordinates `y`."""
+    passes: EvaluationPasses,
+    residual: Residual,
+    limits: Limits,
+    y: Float[Array, " coordinates"],
+    tolerance: Array,
+    steps: Array,
+) -> tuple[Array, dict[str, Any]]:
+    """Run Levenberg-Marquardt once from coordinates `y`; return the optimum and the statistics."""
     # Only tracing needs the solver; a process with the program in its cache saves an import of half a second.
     import optimistix
 
-    from ..estimation.levenberg_marquardt import LevenbergMarquardt
+    from ..estimation.levenberg_marquardt import LevenbergMarquardt, minimise
 
-    residual = passes.residual
-    informed = sum(jnp.sum(run.weight > 0) for run in residual.runs) + jnp.sum(residual.prior_weight > 0)
+    xp, runs = namespace(y), list(zip(residual.runs, passes.weights, strict=True))
+    informed = sum(xp.sum(weight > 0) for _, weight in runs) + xp.sum(residual.prior_weight > 0)
     options = {
         "lower": limits.lower,
         "upper": limits.upper,
-        "dof": jnp.maximum(informed - residual.n_parameters, 1) * 1.0,
-        "floor": sum(jnp.sum((ROUNDING * run.weight * jnp.max(jnp.abs(run.x))) ** 2) for run in residual.runs),
+        "dof": xp.maximum(informed - residual.n_parameters, 1) * 1.0,
+        "floor": sum(xp.sum((ROUNDING * weight * xp.max(xp.abs(run.x))) ** 2) for run, weight in runs),
     }
     if isinstance(passes.loss, Squares):
         options["linear"] = limits.linear & (steps > 1)
     solver = LevenbergMarquardt(passes=passes, max_steps=steps, tolerance=tolerance)
+    if xp is np:
+        return minimise(solver, y, options)
     # The objective contains the model; optimistix needs only the shape of the function. The solver counts its steps.
-    return optimistix.least_squares(lambda q, _: q, solver, y, options=options, max_steps=None, throw=False)
+    optimum = optimistix.least_squares(lambda q, _: q, solver, y, options=options, max_steps=None, throw=False)
+    return optimum.value, optimum.stats
 
 
 def _until(t: Array, moving: Array, reach: Array) -> Array:
     """Return the weights of the first part of a run's moving window."""
-    used = moving > 0
-    begin, end = jnp.min(jnp.where(used, t, jnp.inf)), jnp.max(jnp.where(used, t, -jnp.inf))
-    return jnp.where(t <= begin + jnp.minimum(reach, _MOVING) * (end - begin), moving, 0.0)
+    xp, used = namespace(reach), moving > 0
+    begin, end = xp.min(xp.where(used, t, xp.inf)), xp.max(xp.where(used, t, -xp.inf))
+    return xp.where(t <= begin + xp.minimum(reach, _MOVING) * (end - begin), moving, 0.0)

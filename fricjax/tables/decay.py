@@ -18,12 +18,10 @@ recursion, which a cumulative product solves. A change of a coefficient obeys th
 from typing import Any, NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from .forces import Curve, Forces, Values
 from .mesh import Mesh
-
 
 _TINY = float(np.finfo(float).tiny)
 
@@ -133,10 +131,13 @@ def decay(
     rates = _rates(xp, forces, mesh, amplitudes)
     nodes = _nodes(xp, forces, mesh, start, amplitudes, rates)
     x, v, columns = _sample(xp, nodes, xp.asarray(ts), rests)
-    change = xp.where(mesh.real[:, None], xp.abs(amplitudes / before - 1), 0.0)
-    relative = xp.where(mesh.real[:, None], rates.phase_rate / (mesh.omega[:, None] * rates.slope), 1.0)
-    speed = xp.where(mesh.real[:, None], rates.speed, 0.0) / forces.resisting.edges[-1]
-    travel = xp.where(mesh.real[:, None], xp.abs(rates.x), 0.0) / forces.restoring.edges[-1]
+    # Half-cycles after the last sample may lie behind the stop of the law.
+    begins = nodes.t.reshape(mesh.real.shape[0], -1)[:, :1]
+    needed = mesh.real[:, None] & ~(begins > xp.max(ts))
+    change = xp.where(needed, xp.abs(amplitudes / before - 1), 0.0)
+    relative = xp.where(needed, rates.phase_rate / (mesh.omega[:, None] * rates.slope), 1.0)
+    speed = xp.where(needed, rates.speed, 0.0) / forces.resisting.edges[-1]
+    travel = xp.where(needed, xp.abs(rates.x), 0.0) / forces.restoring.edges[-1]
     quality = Quality(xp.max(change), xp.min(relative), xp.max(speed), xp.max(travel), iterations)
     turning_points, excess = _rest_condition(xp, forces, mesh, rates.x)
     return Decay(x, v, columns, turning_points, excess, nodes.duration, amplitudes, quality)
@@ -332,7 +333,7 @@ def _elapsed(xp: Any, real: Any, lapse: Any) -> tuple[Any, Any]:
 
 def _sample(xp: Any, nodes: _Nodes, ts: Any, rests: Any) -> tuple[Any, Any, Any]:
     """Interpolate displacement, velocity and columns by quintic Hermite polynomials."""
-    at = xp.clip(ts, 0.0, nodes.duration)
+    at = xp.clip(ts, 0.0, xp.where(xp.isnan(nodes.duration), xp.inf, nodes.duration))
     index = xp.clip(xp.searchsorted(nodes.t, at, side="right") - 1, 0, nodes.t.shape[-1] - 2)
     begin = xp.take(nodes.t, index, mode="clip")
     step = xp.take(nodes.t, index + 1, mode="clip") - begin

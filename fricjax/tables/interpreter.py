@@ -80,6 +80,7 @@ _PLAIN: Mapping[str, Callable[..., Any]] = {
     "neg": np.negative,
     "not": np.logical_not,
     "one_minus_square": lambda a: 1 - a * a,
+    "optimization_barrier": lambda *a: list(a),
     "or": np.logical_or,
     "pow": np.power,
     "rem": np.fmod,
@@ -105,6 +106,13 @@ _WITH: Mapping[str, tuple[Callable[..., Any], tuple[str, ...]]] = {
     "dot_general": (_dot, ("dimension_numbers",)),
     "expand_dims": (lambda a, dimensions: np.expand_dims(a, dimensions), ("dimensions",)),
     "integer_pow": (lambda a, y: a**y if y >= 0 else 1 / a**-y, ("y",)),
+    "iota": (
+        lambda *, dtype, shape, dimension: _broadcast(
+            np.arange(shape[dimension], dtype=dtype), shape=shape, broadcast_dimensions=(dimension,)
+        ),
+        ("dtype", "shape", "dimension"),
+    ),
+    "split": (lambda a, sizes, axis: np.split(a, np.cumsum(sizes)[:-1], axis), ("sizes", "axis")),
     "reduce_max": (lambda a, axes: np.max(a, axes), ("axes",)),
     "reduce_min": (lambda a, axes: np.min(a, axes), ("axes",)),
     "reduce_sum": (lambda a, axes: np.sum(a, axes), ("axes",)),

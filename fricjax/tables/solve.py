@@ -7,10 +7,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..oscillator import Oscillator
 from .decay import Decay, Start, decay
 from .forces import Forces, Values
-from .mesh import Layout, Mesh, make_mesh
+from .mesh import Mesh
 
 # Sizes of arrays that are compiled. Each is at most four times the needed one, so a decay does at most four times the
 # work, and all records of up to 256 half-cycles and a million samples share 3 x 6 programs for each layout.
@@ -22,9 +21,7 @@ _LARGEST_CORRECTION = 1e-8
 _SLOWEST_PHASE = 0.1
 
 
-def solve(
-    forces: Forces, mesh: Mesh, start: Start, ts: Values, rests: Any = True, iterations: Any = 6
-) -> Decay:
+def solve(forces: Forces, mesh: Mesh, start: Start, ts: Values, rests: Any = True, iterations: Any = 6) -> Decay:
     """Integrate a decay by a compiled program of JAX.
 
     Arguments and results are those of :func:`fricjax.tables.decay`. All machines share a program: it depends on the

@@ -1,0 +1,325 @@
+"""Fits by tables of forces, on the host.
+
+Every law without internal states is a table of its forces, so a fit needs no program of its own. NumPy evaluates the
+model, and the solver runs on NumPy arrays as well.
+"""
+
+import functools
+from collections.abc import Sequence
+from typing import Any
+
+import equinox as eqx
+import jax
+import numpy as np
+from jaxtyping import Array, Int
+
+from ..estimation.loss import AbstractLoss, Squares
+from ..estimation.passes import Pass, gather
+from ..oscillator import Motion, Oscillator, Start
+from ..oscillator.engines import AbstractEngine, AbstractPath, Demands
+from ..oscillator.oscillator import leaves_of
+from ..tables import Decay, Forces, Mesh, Tabulation, choose_layout, decay, is_resolved, make_mesh
+from ..tables import Start as Release
+from ..tables.interpreter import evaluate as run_jaxpr
+from .derived import Derived, derive
+from .evaluation import CHUNK, Block, Evaluation, block_length
+from .residual import ERRORS, Residual, Run
+from .window import NEVER, Window, equilibrium
+
+# Range of the tables relative to the fastest and the farthest motion of the record. A trial of the solver may exceed
+# it; the polynomials of the last cells then extrapolate.
+_RANGE = 1.5
+# Half-cycles of a run that ends in motion, relative to those of its half-period, and in addition. The start value of the
+# frequency is off by less than two per cent.
+_MORE, _ADDED = 1.02, 1
+# Iterations from the turning points of a record, which are off by some per cent, and from the last amplitudes.
+_FIRST, _LATER = 6, 4
+# Samples that are processed at once; their derivatives take 64 bytes for each coordinate.
+_PIECE = 1 << 17
+
+
+class Tables(AbstractEngine):
+    """Engine of fits: tables of the forces of the machine.
+
+    Attributes:
+        other: engine for motions that the tables do not resolve, and for single motions.
+        checks: True for the mesh that checks another one; its points lie elsewhere.
+        turning_points: approximate turning points of the record of a run, from its start [m]; None for the engine of
+            several runs.
+        half_period: typical duration of a half-cycle of that run [s].
+    """
+
+    name = "tables"
+    needs_mesh = False
+    other: AbstractEngine
+    checks: bool = eqx.field(static=True, default=False)
+    turning_points: Any = None
+    half_period: Any = None
+
+    @staticmethod
+    def refusal(oscillator: Oscillator) -> str | None:
+        law = oscillator.friction
+        return f"{type(law).__name__} has internal states, and tables of forces have none." if law.n_states else None
+
+    def tuned(self, oscillator: Oscillator, demands: Demands) -> "Tables":
+        return Tables(self.other.tuned(oscillator, demands))
+
+    def finer(self) -> AbstractEngine:
+        return self.other.finer()
+
+    def checking(self) -> "Tables":
+        return Tables(self.other, True)
+
+    def of_run(self, window: Window) -> "Tables":
+        """Return the engine with the turning points of a record."""
+        segmentation = window.segmentation
+        later = segmentation.turning_times > window.t_start + segmentation.half_period / 4
+        points = [window.guesses["x0"], *(segmentation.turning_points[later] - equilibrium(segmentation))]
+        if segmentation.rest_position is not None:
+            points.append(segmentation.rest_position - equilibrium(segmentation))
+        return Tables(self.other, self.checks, np.array(points), segmentation.half_period)
+
+    def path(self, oscillator: Oscillator, start: Start, half_cycles: Int[Array, ""] | None = None) -> AbstractPath:
+        return self.other.path(oscillator, start, half_cycles)
+
+    def solve(self, oscillator: Oscillator, start: Start, ts: Any, half_cycles: Any = None) -> Motion:
+        return self.other.solve(oscillator, start, ts, half_cycles)
+
+
+def untabulated(residual: Residual) -> Residual:
+    """Return the residual with the engine that computes single motions."""
+    engine = residual.engine
+    if not isinstance(engine, Tables):
+        return residual
+    return residual._replace(engine=engine.other).with_runs(engine=[None for _ in residual.runs])
+
+
+class TabulatedModel:
+    """Model of a residual by tables, evaluated on the host.
+
+    The half-cycles, their points and the range of the tables belong to the coordinates `y` and stay fixed.
+    """
+
+    def __init__(self, residual: Residual, y: np.ndarray) -> None:
+        self._residual, space = residual, residual.space
+        self._flat = len(jax.tree.leaves(residual.oscillator))
+        inputs = residual.inputs[:, : self._flat]
+        moved = np.flatnonzero(np.any(inputs != 0, axis=0)).tolist()
+        leaves = list(dict.fromkeys([*space.leaves, *(tie.leaf for tie in space.ties), *moved]))
+        self._leaves = leaves
+        # Columns of the tables: the leaves, and the initial displacement.
+        to_leaf = np.zeros((len(leaves) + 1, residual.n_parameters))
+        for place, leaf in enumerate(space.leaves):
+            to_leaf[leaves.index(leaf), place] += 1.0
+        for tie in space.ties:
+            to_leaf[leaves.index(tie.leaf), tie.parameter] += tie.factor
+        self._to_leaf, self._by_input = to_leaf, np.pad(inputs[:, leaves], ((0, 0), (0, 1)))
+        machine, values = self._machine(y)
+        names = {leaf.index: leaf.dotted for leaf in leaves_of(residual.oscillator)}
+        self._tabulation = Tabulation(machine, [names[leaf] for leaf in leaves], *self._reach(machine))
+        forces, layout, self._meshes = self._tables(machine), None, list[Mesh]()
+        for number, run in enumerate(residual.runs):
+            x0 = float(residual.parameters_of_run(values, number, run)["x0"])
+            points = _turning_points(run, x0)
+            layout = layout or choose_layout(machine, forces, points)
+            meshed = functools.partial(make_mesh, machine, forces, layout=layout, check=residual.engine.checks)
+            mesh = meshed(points)
+            if int(run.half_cycles) >= NEVER or machine.friction.kink_speeds:
+                first = decay(forces, mesh, self._release(x0), np.asarray(run.t)[-1:], True, _FIRST)
+                # A law that stops before the end of a record in motion rests there.
+                stuck = np.flatnonzero(~(first.excess[:-1] > 0))
+                points = points[: max(int(stuck[0]), 1) + 1] if stuck.size else points
+                known = mesh._replace(amplitudes=first.amplitudes)
+                # Panels meet at the kinks of the motion, which the turning points give only roughly.
+                mesh = meshed(points, previous=known if machine.friction.kink_speeds else None)
+            self._meshes.append(mesh)
+        self._iterations, self._kept = _FIRST, list[Evaluation]()
+
+    def evaluate(self, y: np.ndarray, weights: Sequence[np.ndarray], loss: AbstractLoss) -> Evaluation:
+        """Return residual, gradient and normal matrix at coordinates `y`, from all samples.
+
+        Args:
+            y: coordinates, shape (coordinates,).
+            weights: weights of the samples of each run, shape (samples,).
+            loss: loss of the residuals.
+        """
+        residual, total = self._residual, y.size
+        machine, values = self._machine(y)
+        forces, slope = self._tables(machine), residual.space.slope(y[: residual.n_parameters])
+        parts = [
+            self._run(forces, values, slope, number, run, weight, loss, total)
+            for number, (run, weight) in enumerate(zip(residual.runs, weights, strict=True))
+        ]
+        self._iterations = _LATER
+        priors = (values - residual.prior_mean) * residual.prior_weight
+        by_prior = np.pad(np.diag(slope * residual.prior_weight), ((0, 0), (0, total - slope.size)))
+        residuals, passes, points, blocks = zip(*parts, strict=True)
+        sums = jax.tree.map(lambda *each: sum(each), gather(priors, by_prior, Squares()), *passes)
+        joined = np.concatenate([*residuals, priors])
+        return Evaluation(
+            joined, joined @ joined, sums.cost, sums.gradient, sums.normal, list(passes), list(points), list(blocks)
+        )
+
+    def derive(self, y: np.ndarray) -> Derived:
+        """Return the physical values for coordinates `y`, without compilation."""
+        few = self._residual._replace(engine=None, runs=())
+        leaves, structure = jax.tree.flatten(few)
+        program, out = _deriving(structure, tuple(np.shape(leaf) for leaf in leaves), np.shape(y))
+        results = run_jaxpr(program, *(np.asarray(leaf, dtype=float) for leaf in leaves), y)
+        return jax.tree.unflatten(jax.tree.structure(out), results)
+
+    def keep(self, evaluation: Evaluation) -> np.ndarray:
+        """Return the number by which the solver keeps an evaluation."""
+        self._kept.append(evaluation)
+        return np.asarray(len(self._kept) - 1)
+
+    def kept(self, kept: np.ndarray) -> Evaluation:
+        """Return the evaluation that the solver kept."""
+        return self._kept[int(kept)]
+
+    def nothing(self, *_: Any) -> np.ndarray:
+        """Return the number of no evaluation."""
+        return np.asarray(-1)
+
+    def _machine(self, y: np.ndarray) -> tuple[Oscillator, np.ndarray]:
+        space = self._residual.space
+        values = space.values(y[: self._residual.n_parameters])
+        return space.model(self._residual.oscillator, values), values
+
+    def _tables(self, machine: Oscillator) -> Forces:
+        flat = jax.tree.leaves(machine)
+        return self._tabulation([float(flat[leaf]) for leaf in self._leaves])
+
+    def _reach(self, machine: Oscillator) -> tuple[float, float]:
+        """Return the largest speed [m/s] and displacement [m] of the tables."""
+        engines = [run.engine for run in self._residual.runs]
+        travel = _RANGE * max(float(np.max(np.abs(engine.turning_points))) for engine in engines)
+        speed = travel * np.pi / min(engine.half_period for engine in engines)
+        return speed, min(travel, float(machine.restoring.largest))
+
+    def _release(self, x0: Any) -> Release:
+        columns = np.zeros(self._tabulation.columns)
+        columns[len(self._leaves)] = 1.0
+        return Release(x0, columns)
+
+    def _run(
+        self,
+        forces: Forces,
+        values: np.ndarray,
+        slope: np.ndarray,
+        number: int,
+        run: Run,
+        weight: np.ndarray,
+        loss: AbstractLoss,
+        total: int,
+    ) -> tuple[np.ndarray, Pass, np.ndarray, np.ndarray]:
+        """Return residual, sums, turning points and blocks of one run, as `evaluate` does for other engines."""
+        n, p = run.t.shape[0], self._residual.n_parameters
+        size, length = -(-n // CHUNK) * CHUNK, block_length(n)
+        used = int(np.max(np.flatnonzero(weight > 0), initial=-1)) + 1
+        end = -(-used // CHUNK) * CHUNK
+        at = self._residual.parameters_of_run(values, number, run)
+        release, places = self._release(at["x0"]), self._residual.space.places(number)
+        r, blocks = np.zeros(size), np.zeros((size // length, len(Block._fields) - 1 + total), np.float32)
+        sums = Pass(np.zeros(()), np.zeros(total), np.zeros((total, total)))
+        points = np.zeros(0)
+        for begin in range(0, end, _PIECE):
+            stop = min(begin + _PIECE, end)
+            t, x, w = (
+                np.concatenate([each[begin:stop], np.full(max(stop - n, 0), fill)])
+                for each, fill in ((run.t, run.t[-1]), (run.x, run.x[-1]), (weight, 0.0))
+            )
+            motion = decay(forces, self._meshes[number], release, t - at["t_release"], True, self._iterations)
+            self._meshes[number] = self._meshes[number]._replace(amplitudes=motion.amplitudes)
+            good = 1.0 if is_resolved(motion) else np.nan
+            reading = good * motion.x + at["offset"] + at["drift"] * t
+            columns = self._columns(motion, reading, at, t, slope, places, total)
+            left, slopes = w * (reading - x), w[:, None] * columns
+            r[begin:stop] = left
+            of_piece, sums_of_piece = _summed(left, slopes, x, w, loss, length)
+            blocks[begin // length : stop // length] = of_piece
+            sums = jax.tree.map(np.add, sums, sums_of_piece)
+            points = motion.turning_points
+        return r[:n], sums, points, blocks
+
+    def _columns(
+        self,
+        motion: Decay,
+        reading: np.ndarray,
+        at: dict[str, Any],
+        t: np.ndarray,
+        slope: np.ndarray,
+        places: dict[str, int],
+        total: int,
+    ) -> np.ndarray:
+        """Return the derivatives of the reading by all coordinates, shape (samples, coordinates)."""
+        p, count = slope.size, len(self._leaves) + 1
+        by_value = motion.columns[:, :count] @ self._to_leaf
+        direct = {
+            "x0": lambda: motion.columns[:, count - 1],
+            "t_release": lambda: -motion.v,
+            "offset": lambda: np.ones(t.size),
+            "drift": lambda: t,
+        }
+        for name, place in places.items():
+            if name in direct:
+                by_value[:, place] += direct[name]()
+        columns = np.zeros((t.size, total))
+        columns[:, :p] = by_value * slope
+        if total > p:
+            columns[:, p:] = motion.columns[:, :count] @ self._by_input.T
+            if self._residual.period is not None:
+                phase = 2 * np.pi * reading / self._residual.period
+                errors = np.stack([-reading, (motion.v + at["drift"]) * t, np.cos(phase), np.sin(phase)], axis=1)
+                columns[:, p:] += errors @ self._residual.inputs[:, -len(ERRORS) :].T
+        return columns
+
+
+def _turning_points(run: Run, x0: float) -> np.ndarray:
+    """Return the turning points of a run; those beyond the record continue its decay."""
+    known, stops = np.asarray(run.engine.turning_points), int(run.half_cycles) < NEVER
+    count = 1 + int(run.half_cycles)
+    if not stops:
+        count = 1 + int(np.ceil(_MORE * float(np.max(run.t)) / float(run.engine.half_period))) + _ADDED
+    swings = np.abs(known)
+    while swings.size < count:
+        ratio = swings[-1] / swings[-2] if swings.size > 1 and 0 < swings[-1] < swings[-2] else 0.9
+        swings = np.append(swings, max(ratio, 0.5) * swings[-1])
+    points = np.sign(x0) * (-1.0) ** np.arange(count) * swings[:count]
+    points[0] = x0
+    # The mass may stop before it reaches the equilibrium.
+    if stops and known.size == count:
+        points[-1] = known[-1]
+    return points
+
+
+def _summed(
+    left: np.ndarray, slopes: np.ndarray, seen: np.ndarray, weight: np.ndarray, loss: AbstractLoss, length: int
+) -> tuple[np.ndarray, Pass]:
+    """Return the sums of samples over blocks, and over all of them."""
+    _, share, curvature = loss.parts(left)
+    counts, influence = (weight > 0) * 1.0, share * left
+    chunks = lambda each: each.reshape(-1, CHUNK)
+    adjacent = counts * np.roll(chunks(counts), 1, axis=1).ravel()
+    reading = seen + left / np.where(weight > 0, weight, 1.0)
+    step = np.diff(chunks(reading), prepend=chunks(reading)[:, :1], axis=1).ravel()
+    parts = chunks(influence)
+    bend = np.diff(parts, n=2, prepend=parts[:, :1], append=parts[:, -1:], axis=1).ravel()
+    following = np.roll(chunks(counts), -1, axis=1).ravel()
+    inside = (np.arange(left.size) % CHUNK % (CHUNK - 1) > 0) * adjacent * following
+    curved = counts * curvature
+    few = np.stack(
+        [influence, influence**2, inside * bend**2 / 6, counts, curved, adjacent * (weight * step) ** 2], axis=1
+    )
+    blocks = np.concatenate([few, curved[:, None] * slopes], axis=1).reshape(-1, length, few.shape[1] + slopes.shape[1])
+    return blocks.sum(axis=1).astype(np.float32), gather(left, slopes, loss)
+
+
+@functools.lru_cache(maxsize=64)
+def _deriving(structure: Any, shapes: tuple[tuple[int, ...], ...], coordinates: tuple[int, ...]) -> Any:
+    number = lambda shape: jax.ShapeDtypeStruct(shape, np.float64)
+
+    def flat(*arguments: Any) -> Any:
+        return derive(jax.tree.unflatten(structure, arguments[:-1]), arguments[-1])
+
+    return jax.make_jaxpr(flat, return_shape=True)(*map(number, shapes), number(coordinates))
