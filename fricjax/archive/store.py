@@ -22,10 +22,10 @@ from pathlib import Path
 from typing import IO, Any
 
 from ..data.files import content
-from ..errors import DataError, UsageError, brief, path_of
+from ..errors import DataError, UsageError, brief, needed, path_of
 from ..show.files import write_bytes, write_text
-from .study import SCHEMA, Study, facts_in
-from .table import REMEMBERED, arrow, joined, of_rows, parts_in
+from .study import SCHEMA, Study
+from .table import REMEMBERED, joined, note, of_rows, without_facts
 
 try:
     import fcntl
@@ -122,15 +122,23 @@ class Store:
         if not (only_empty or self.exists) or (self.path.exists() and not self.path.is_dir()):
             raise UsageError(f"{self.path} exists and holds no archive. Give the name of a new folder.")
         self.path.mkdir(parents=True, exist_ok=True)
+        locks = {".lock": shard[1] == 1}
+        if shard[1] > 1:
+            locks[f".lock-{shard[0]}-of-{shard[1]}"] = True
         with contextlib.ExitStack() as stack:
-            file = stack.enter_context(open(self.path / ".lock", "a+", encoding="utf-8"))
-            if shard[1] == 1:
-                _lock(file, True, self.path)
-            else:
-                _lock(file, False, self.path)
-                name = f".lock-{shard[0]}-of-{shard[1]}"
+            for name, exclusive in locks.items():
                 file = stack.enter_context(open(self.path / name, "a+", encoding="utf-8"))
-                _lock(file, True, self.path)
+                free = _lock(file, exclusive)
+                file.seek(0)
+                if not free:
+                    holder = ", ".join(filter(None, [str(self.path), file.read(200).strip()]))
+                    raise UsageError(
+                        f"Another driver is at work on {holder}. Wait until it has ended, or let each have a part of "
+                        "the runs: --shard 1/2 and --shard 2/2."
+                    )
+                file.truncate()
+                file.write(f"process {os.getpid()} on {platform.node()}")
+                file.flush()
             yield
 
     def driver(self) -> str:
@@ -138,10 +146,10 @@ class Store:
 
         The text has the form "process 1234 on host".
         """
-        if fcntl is None or not (self.path / ".lock").is_file():
-            return ""
-        with open(self.path / ".lock", encoding="utf-8") as file:
-            return file.read(200).strip() if _had(file, fcntl.LOCK_EX) is False else ""
+        with contextlib.suppress(FileNotFoundError), open(self.path / ".lock", encoding="utf-8") as file:
+            if not _lock(file, True):
+                return file.read(200).strip()
+        return ""
 
     def write_part(self, table: Any, files: Mapping[str, bytes] | None = None) -> None:
         """Write finished rows, after the files of their residuals.
@@ -165,8 +173,7 @@ class Store:
 
     def records(self) -> list[dict[str, Any]]:
         """Return the columns of each row that a plan needs."""
-        tables = self._tables(REMEMBERED)
-        return [row for _, table in tables for row in table.to_pylist()]
+        return [row for _, table in self._tables(REMEMBERED) for row in table.to_pylist()]
 
     def relabel(self, rows: Sequence[tuple[str, str, Mapping[str, Any]]]) -> None:
         """Write updated records for files that were moved.
@@ -177,39 +184,27 @@ class Store:
         wanted: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
         for sha256, settings, columns in rows:
             wanted.setdefault((sha256, settings), []).append(columns)
-        known: dict[tuple[str, str], list[dict[str, Any]]] = {}
+        known: dict[tuple[str, str], dict[str, dict[str, Any]]] = {}
         for _, table in self._tables(None):
-            pairs = zip(table.column("sha256").to_pylist(), table.column("settings").to_pylist(), strict=True)
-            at: dict[tuple[str, str], list[int]] = {}
-            for i, pair in enumerate(pairs):
-                if pair in wanted:
-                    at.setdefault(pair, []).append(i)
+            pairs = list(zip(*(table.column(name).to_pylist() for name in ("sha256", "settings")), strict=True))
+            numbers = [i for i, pair in enumerate(pairs) if pair in wanted]
             # Files with the same bytes have equal rows except for these columns.
-            for pair, numbers in at.items():
-                named = {row["run"]: row for row in table.take(numbers).to_pylist()}
-                known[pair] = list(named.values())
-        anew = [{**row, **columns} for pair, each in wanted.items() for columns in each for row in known.get(pair, [])]
-        if anew:
-            facts = {name for row in anew for name in row} & set(self.fact_names)
-            self.write_part(of_rows([{n: v for n, v in row.items() if n not in facts} for row in anew]))
+            newer: dict[tuple[str, str], dict[str, dict[str, Any]]] = {}
+            for i, row in zip(numbers, without_facts(table).take(numbers).to_pylist() if numbers else (), strict=True):
+                newer.setdefault(pairs[i], {})[row["run"]] = row
+            known |= newer
+        updated = [{**row, **each} for pair in wanted for each in wanted[pair] for row in known.get(pair, {}).values()]
+        if updated:
+            self.write_part(of_rows(updated))
 
-    @property
-    def fact_names(self) -> list[str]:
-        """Names of the columns extracted from paths."""
-        return self.description()["fact_names"]
-
-    def write_table(self, root: Path | None = None) -> None:
+    def write_table(self, root: Path) -> None:
         """Merge all parts into the table unless it is up to date."""
         with open(self.path / ".table-lock", "a+", encoding="utf-8") as lock:
             if fcntl is not None:
                 with contextlib.suppress(OSError):
                     fcntl.flock(lock, fcntl.LOCK_EX)
-            tables = self._tables(None)
-            facts = self.description()["facts"]
-            current = len(tables) == 1 and parts_in(tables[0][1])
-            if tables and not (current and tables[0][1].schema.metadata.get(b"facts") == json.dumps(facts).encode()):
-                table = joined(tables, facts_in(facts), None if root is None else str(root))
-                table = table.replace_schema_metadata({**table.schema.metadata, b"facts": json.dumps(facts).encode()})
+            table, current = self._merged(root)
+            if not current:
                 write_bytes(self.path / _TABLE, _parquet(table), overwrite=True)
 
     def table(self) -> Any:
@@ -218,18 +213,23 @@ class Store:
         Raises:
             DataError: no store, or a damaged file.
         """
+        return self._merged()[0]
+
+    def _merged(self, root: Path | None = None) -> tuple[Any, bool]:
+        """Return all rows, and whether the table of the store holds them already."""
         facts = self.description()["facts"]
         tables = self._tables(None)
-        if len(tables) == 1 and parts_in(tables[0][1]):
-            return tables[0][1]
-        return joined(tables, facts_in(facts)) if tables else of_rows([])
+        if not tables:
+            return of_rows([]), True
+        current = len(tables) == 1 and note(tables[0][1], "parts") and note(tables[0][1], "templates") == facts
+        return (tables[0][1], True) if current else (joined(tables, facts, root), False)
 
     def _tables(self, columns: Sequence[str] | None) -> list[tuple[str, Any]]:
         """Return the table, then unmerged parts from oldest to newest."""
         tables: list[tuple[str, Any]] = []
         if (self.path / _TABLE).is_file():
             tables.append(("", _read(self.path / _TABLE, columns)))
-        had = set(parts_in(tables[0][1])) if tables else set()
+        had = set(note(tables[0][1], "parts")) if tables else set()
         with contextlib.suppress(FileNotFoundError):
             names = sorted(n for n in os.listdir(self.path / _PARTS) if n.endswith(".parquet") and n[0] != ".")
             tables += [(name, _read(self.path / _PARTS / name, columns)) for name in names if name not in had]
@@ -237,18 +237,13 @@ class Store:
 
 
 def _parquet(table: Any) -> memoryview:
-    arrow()
-    from pyarrow import parquet
-
     buffer = io.BytesIO()
-    parquet.write_table(table, buffer, compression="zstd")
+    needed("An archive", "pyarrow.parquet", "batch").write_table(table, buffer, compression="zstd")
     return buffer.getbuffer()
 
 
 def _read(path: Path, columns: Sequence[str] | None) -> Any:
-    arrow()
-    from pyarrow import parquet
-
+    parquet = needed("An archive", "pyarrow.parquet", "batch")
     try:
         return parquet.ParquetFile(path).read(None if columns is None else list(columns))
     except (OSError, ValueError) as error:
@@ -258,42 +253,23 @@ def _read(path: Path, columns: Sequence[str] | None) -> Any:
         ) from error
 
 
-def _had(file: IO[str], kind: int) -> bool | None:
-    """Return True if a lock is free, None without support for locks.
+def _lock(file: IO[str], exclusive: bool) -> bool:
+    """Lock a file until it is closed; return False if another process has locked it.
 
-    Some network drives do not support locks.
+    Some network drives, and Windows, have no locks; there the lock always succeeds.
     """
-    assert fcntl is not None
+    if fcntl is None:
+        return True
+    kind = fcntl.LOCK_EX if exclusive else fcntl.LOCK_SH
     for patience in (_GLANCE, _GLANCE, 0.0):
         try:
             fcntl.flock(file, kind | fcntl.LOCK_NB)
             return True
         except OSError as error:
             if error.errno not in _IN_USE:
-                return None
+                return True
             time.sleep(patience)
     return False
-
-
-def _lock(file: IO[str], exclusive: bool, store: Path) -> None:
-    """Lock a file for the lifetime of this process."""
-    if fcntl is None:
-        return
-    had = _had(file, fcntl.LOCK_EX if exclusive else fcntl.LOCK_SH)
-    if had is None:
-        return
-    if not had:
-        file.seek(0)
-        holder = file.read(200).strip()
-        by = f", {holder}" if holder else ""
-        raise UsageError(
-            f"Another driver is at work on {store}{by}. Wait until it has ended, or let each have a part of the runs: "
-            "--shard 1/2 and --shard 2/2."
-        )
-    file.seek(0)
-    file.truncate()
-    file.write(f"process {os.getpid()} on {platform.node()}")
-    file.flush()
 
 
 def _difference(known: Mapping[str, Any], asked: Mapping[str, Any]) -> str:
