@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import DataError, UsageError, nearest, needed
 from ..show import Report, Reported, Style, Table, styled
 from .store import Store
-from .table import STATUSES
+from .table import PICTURES, STATUSES
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -95,23 +95,22 @@ class Archive(Reported):
             UsageError: unknown column, or several laws and no choice.
             DataError: fewer than three valid runs.
         """
-        laws = sorted(set(self.table.column("friction").to_pylist()))
+        of_law = np.asarray(self.table.column("friction").to_pylist(), object)
+        laws = sorted(set(of_law))
         if friction is None and len(laws) > 1:
             raise UsageError(f"The archive holds rows of {', '.join(laws)}; choose one with friction=.")
         if friction is not None and friction not in laws:
             raise UsageError(f"There is no row of {friction!r}.{nearest(friction, laws)} There are {', '.join(laws)}.")
         self._check_column(name, f"{name}_std")
-        rows = np.asarray(self.table.column("friction").to_pylist(), object) == (friction or (laws or [""])[0])
+        rows = of_law == friction if friction is not None else np.full(len(of_law), True)
         if by is None:
             return self._population(name, rows)
         self._check_column(by)
         values = np.asarray(self.table.column(by).to_pylist(), object)
         groups = {}
         for value in dict.fromkeys(v for v in values[rows] if v is not None and v == v):
-            try:
+            with contextlib.suppress(DataError):
                 groups[value] = self._population(name, rows & (values == value))
-            except DataError:
-                continue
         if not groups:
             raise DataError(f"No value of {by} has three runs with a valid {name}.")
         return dict(sorted(groups.items()))
@@ -119,22 +118,20 @@ class Archive(Reported):
     def _population(self, name: str, rows: np.ndarray) -> "Population":
         from ..fitting.population import population
 
-        ok = rows & (np.asarray(self.table.column("status").to_pylist(), object) == "ok")
-        value, std, combined = (self._numbers(column) for column in (name, f"{name}_std", f"{name}_combined_std"))
+        table = self.table.select(["status", name, f"{name}_std", f"{name}_combined_std"]).to_pandas()
+        status, value, std, combined = (table[column].to_numpy() for column in table)
         # The uncertainty of rig inputs is common to all runs, so it does not average out.
         common = np.sqrt(np.maximum(combined**2 - std**2, 0.0))
         chosen = np.flatnonzero(rows)
-        pooled = population(np.where(ok, value, np.nan)[chosen], std[chosen], [np.nan_to_num(common[chosen])])
+        ok = np.where(status == "ok", value, np.nan)
+        pooled = population(ok[chosen], std[chosen], [np.nan_to_num(common[chosen])])
         numbered = {field: tuple(int(chosen[i]) for i in getattr(pooled, field)) for field in ("outliers", "left_out")}
         return pooled._replace(**numbered)
 
-    def _numbers(self, name: str) -> np.ndarray:
-        return np.asarray(self.table.column(name).to_numpy(zero_copy_only=False), float)
-
     def _check_column(self, *names: str) -> None:
-        known = [name for name in self.table.column_names if not name.startswith(("sketch_", "reversal_"))]
         for name in names:
             if name not in self.table.column_names:
+                known = self.table.drop_columns(list(PICTURES)).column_names
                 raise UsageError(
                     f"The archive has no column {name!r}.{nearest(name, known)} It has {', '.join(known)}."
                 )
@@ -168,8 +165,7 @@ class Archive(Reported):
             FileExistsError: the file exists and `overwrite` is False.
             OSError: the file cannot be written.
         """
-        pictures = [name for name in self.table.column_names if name.startswith(("sketch_", "reversal_"))]
-        return write_csv(self.table.drop_columns(pictures).to_pandas(), path, overwrite=overwrite)
+        return write_csv(self.table.drop_columns(list(PICTURES)).to_pandas(), path, overwrite=overwrite)
 
     def plot(self, name: str = "mu", against: str = "run", *, style: Style = "screen") -> Any:
         """Plot a parameter of all ok runs with standard errors.

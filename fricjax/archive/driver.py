@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..data.files import printable
 from ..errors import UsageError, first_of, nearest
 from ..fitting.parameters import shared_leaves
 from ..oscillator import ready
@@ -25,7 +24,6 @@ from .study_file import read_study
 from .table import STATUSES, of_rows
 from .work import Work
 
-type Runs = str | os.PathLike[str] | Iterable[str | os.PathLike[str]] | Study
 type Tell = Callable[[int, int, Mapping[str, int]], None]
 
 FREE = ("mu", "damping", "stiffness")
@@ -33,7 +31,7 @@ FREE = ("mu", "damping", "stiffness")
 
 
 def batch(
-    runs: Runs,
+    runs: str | os.PathLike[str] | Iterable[str | os.PathLike[str]] | Study,
     out: str | os.PathLike[str],
     oscillator: Any = None,
     free: Sequence[str] = FREE,
@@ -103,7 +101,8 @@ def batch(
             words = f"Links to folders are not followed: {first_of(planned.links)}."
             warnings.warn(f"{words} Give the folders themselves to fit their runs.", stacklevel=2)
         try:
-            _relabel(asked, store, planned)
+            if planned.moved:
+                store.relabel(planned.moved)
             _fit(asked, store, planned, in_this_process if execute is None else execute, tell)
         except BaseException:
             # Also on a full disk: then only the table cannot be written, and no part is lost.
@@ -126,19 +125,8 @@ def plan_of(study: Study, out: str | os.PathLike[str], *, retry: bool = False, s
     """Return the plan of `batch` without changing the store."""
     store = Store(out)
     _check(study)
-    if store.exists:
-        store.check(study)
+    store.check(study)
     return plan(study, store.records(), shard=shard, retry=retry, store=store.path)
-
-
-def _relabel(study: Study, store: Store, planned: Plan) -> None:
-    """Update the records of files that were moved, copied or touched."""
-    moved = []
-    for file, signature, sha256 in planned.moved:
-        columns = {"file": printable(file), "rig": study.rule_of(file).rig_name, **signature._asdict()}
-        moved += [(sha256, study.settings_of(law, file), columns) for law in study.laws]
-    if moved:
-        store.relabel(moved)
 
 
 def _check(study: Study) -> None:
@@ -157,7 +145,7 @@ def _check(study: Study) -> None:
 
 def _fit(study: Study, store: Store, planned: Plan, execute: Executor, tell: Tell | None) -> None:
     """Fit the planned files; write each chunk before reporting the next."""
-    total, ended, counts = len(planned.jobs), 0, dict.fromkeys(STATUSES, 0)
+    total, ended, counts = len(planned.jobs), 0, dict.fromkeys(map(str, STATUSES), 0)
     results = execute(planned.chunks, Work(study))
     with working("Fitting files", total) as task, contextlib.closing(results):
         for chunk, done in results:

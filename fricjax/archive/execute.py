@@ -21,12 +21,12 @@ import signal
 import threading
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ThreadPoolExecutor, wait
-from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
 import jax
 
+from .. import __version__
 from ..errors import UsageError, needed
 from ..oscillator import cores
 from .plan import Chunk
@@ -87,7 +87,7 @@ def workers(number: int) -> Executor:
     # Each new process imports the main module of this one and would start workers again.
     if getattr(multiprocessing.current_process(), "_inheriting", False):
         raise UsageError(_GUARD)
-    return _by_dask(lambda: _local(number))
+    return _by_dask(number)
 
 
 def scheduler(address: str) -> Executor:
@@ -109,7 +109,7 @@ def scheduler(address: str) -> Executor:
     """
     if not re.fullmatch(r"\w+://.+:\d+", address):
         raise UsageError(f"{address!r} is no address of a scheduler; write it as tcp://192.168.0.1:8786.")
-    return _by_dask(lambda: _running(address))
+    return _by_dask(address)
 
 
 def attempt(work: Work, chunk: Chunk) -> Done:
@@ -175,8 +175,8 @@ def _completed(
             future.cancel()
 
 
-def _by_dask(connected: Callable[[], AbstractContextManager[Any]]) -> Executor:
-    """Return an executor that connects to a Dask client on demand.
+def _by_dask(where: int | str) -> Executor:
+    """Return an executor with a number of local workers, or those of a scheduler.
 
     Raises:
         UsageError: Dask, or the package for encrypted connections, is not installed.
@@ -192,7 +192,7 @@ def _by_dask(connected: Callable[[], AbstractContextManager[Any]]) -> Executor:
         # Workers have another current folder, and do not need the list of all files.
         files = None if work.study.files is None else ()
         study = dataclasses.replace(work.study, root=work.study.root.resolve(), files=files)
-        with connected() as client:
+        with _connected(where) as client:
             _check_workers(client, study.root)
             pool = client.get_executor(pure=False)
             # Workers may join and leave.
@@ -209,16 +209,42 @@ def _by_dask(connected: Callable[[], AbstractContextManager[Any]]) -> Executor:
 
 
 @contextlib.contextmanager
-def _local(number: int) -> Iterator[Any]:
+def _connected(where: int | str) -> Iterator[Any]:
+    """Connect to a scheduler with at least one worker.
+
+    Raises:
+        UsageError: the local workers do not start, or no scheduler or no worker answers.
+    """
+    from distributed import Client
+    from distributed.utils import silence_logging_cmgr
+
+    # This package reports the loss of the scheduler, once.
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(silence_logging_cmgr(logging.CRITICAL))
+        target = where if isinstance(where, str) else stack.enter_context(_local_cluster(where))
+        try:
+            client = stack.enter_context(Client(target, timeout=_ANSWERS, set_as_default=False))
+        except (OSError, TimeoutError, ValueError) as error:
+            raise UsageError(f"No scheduler answers at {where}. Start one: dask scheduler.") from error
+        try:
+            client.wait_for_workers(1, timeout=_STARTS)
+        except TimeoutError as error:
+            raise UsageError(
+                f"The scheduler at {where} has no workers. Start some: dask worker {where} --nworkers 2 --nthreads 1 "
+                f"--preload {__name__}"
+            ) from error
+        yield client
+
+
+def _local_cluster(number: int) -> Any:
     from dask import config
-    from distributed import Client, LocalCluster
+    from distributed import LocalCluster
 
     # These processes do not need an HTTP interface.
-    silent = {f"distributed.{kind}.http.routes": [] for kind in ("scheduler", "worker")}
-    with contextlib.ExitStack() as stack:
-        stack.enter_context(config.set({"distributed.scheduler.allowed-failures": _ALLOWED, **silent}))
-        try:
-            cluster = LocalCluster(
+    routes = {f"distributed.{kind}.http.routes": [] for kind in ("scheduler", "worker")}
+    try:
+        with config.set(routes):
+            return LocalCluster(
                 n_workers=number,
                 threads_per_worker=1,
                 host="127.0.0.1",
@@ -227,31 +253,10 @@ def _local(number: int) -> Iterator[Any]:
                 security=True,
                 silence_logs=logging.CRITICAL,
                 preload=__name__,
+                scheduler_kwargs={"allowed_failures": _ALLOWED},
             )
-        except RuntimeError as error:
-            raise UsageError(f"The workers did not start ({error}). {_GUARD}") from error
-        yield stack.enter_context(Client(stack.enter_context(cluster), set_as_default=False))
-
-
-@contextlib.contextmanager
-def _running(address: str) -> Iterator[Any]:
-    from distributed import Client
-    from distributed.utils import silence_logging_cmgr
-
-    try:
-        client = Client(address, timeout=_ANSWERS, set_as_default=False)
-    except (OSError, TimeoutError, ValueError) as error:
-        raise UsageError(f"No scheduler answers at {address}. Start one: dask scheduler.") from error
-    # This package reports the loss of the scheduler, once.
-    with silence_logging_cmgr(logging.CRITICAL), client:
-        try:
-            client.wait_for_workers(1, timeout=_STARTS)
-        except TimeoutError as error:
-            raise UsageError(
-                f"The scheduler at {address} has no workers. Start some: dask worker {address} --nworkers 2 "
-                f"--nthreads 1 --preload {__name__}"
-            ) from error
-        yield client
+    except RuntimeError as error:
+        raise UsageError(f"The workers did not start ({error}). {_GUARD}") from error
 
 
 def dask_setup(worker: Any) -> None:
@@ -276,10 +281,8 @@ def dask_setup(worker: Any) -> None:
         os.sched_setaffinity(0, {usable[number % len(usable)]})
 
 
-def _seen(root: str) -> tuple[str, bool]:
+def _worker_facts(root: str) -> tuple[str, bool]:
     """Return a worker's package version, and whether it sees a folder."""
-    from .. import __version__
-
     return __version__, Path(root).is_dir()
 
 
@@ -289,10 +292,8 @@ def _check_workers(client: Any, root: Path) -> None:
     Raises:
         UsageError: a worker has another version of this package or no version, or does not see the runs.
     """
-    from .. import __version__
-
     try:
-        answers = client.run(_seen, str(root))
+        answers = client.run(_worker_facts, str(root))
     except ImportError as error:
         raise UsageError(
             f"A worker cannot import fricjax ({error}). Start it in the environment of this one."

@@ -57,7 +57,7 @@ class Plan(NamedTuple):
         chunks: files to fit.
         files: all files of the study, including those of other shards.
         done: number of files with complete results.
-        moved: names, signatures and hashes of complete files whose records have another path or other times.
+        moved: new columns of complete files whose records have another path or other times, by hash and settings.
         changed: files to fit again because their bytes have changed.
         links: links to folders, which are not followed.
     """
@@ -65,7 +65,7 @@ class Plan(NamedTuple):
     chunks: tuple[Chunk, ...]
     files: tuple[str, ...]
     done: int
-    moved: tuple[tuple[str, Signature, str], ...]
+    moved: Mapping[tuple[str, str], list[dict[str, Any]]]
     changed: tuple[str, ...]
     links: tuple[str, ...]
 
@@ -108,7 +108,8 @@ def plan(
     sizes = {row["bytes"] for row in records}
     again = {(row["sha256"], row["settings"]) for row in records if retry and row["status"] in ("rejected", "failed")}
     fitted = {(row["sha256"], row["settings"]) for row in records} - again
-    jobs, done, moved, changed = [], 0, [], []
+    jobs, done, changed = [], 0, []
+    moved: dict[tuple[str, str], list[dict[str, Any]]] = {}
     for file in files:
         if shard[1] > 1 and zlib.crc32(os.fsencode(file)) % shard[1] != shard[0] - 1:
             continue
@@ -116,18 +117,18 @@ def plan(
         sha256 = same = known.get(name, {}).get(signature, "")
         if not same and signature.bytes in sizes:
             sha256 = hash_of(study.root / file)
-        laws = tuple(
-            i for i, law in enumerate(study.laws) if not sha256 or (sha256, study.settings_of(law, file)) not in fitted
-        )
+        settings = [study.settings_of(law, file) for law in study.laws]
+        laws = tuple(i for i, digest in enumerate(settings) if not sha256 or (sha256, digest) not in fitted)
+        done += not laws
         if laws:
             jobs.append(Job(file, signature, laws))
             if name in known and signature not in known[name]:
                 changed.append(name)
-        else:
-            done += 1
-            if not same:
-                moved.append((file, signature, sha256))
-    return Plan(tuple(_chunks(study, jobs)), tuple(files), done, tuple(moved), tuple(changed), tuple(links))
+        elif not same:
+            columns = {"file": name, "rig": study.rule_of(file).rig_name, **signature._asdict()}
+            for digest in settings:
+                moved.setdefault((sha256, digest), []).append(columns)
+    return Plan(tuple(_chunks(study, jobs)), tuple(files), done, moved, tuple(changed), tuple(links))
 
 
 def signature_of(path: Path) -> Signature:

@@ -42,11 +42,7 @@ _IN_USE = (errno.EWOULDBLOCK, errno.EAGAIN, errno.EACCES)
 
 
 class Store:
-    """Records of an archive in a folder.
-
-    Args:
-        path: the folder.
-    """
+    """Records of an archive in a folder."""
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.path = path_of(path)
@@ -77,28 +73,21 @@ class Store:
         return described
 
     def begin(self, study: Study) -> None:
-        """Create the store if missing and record the study.
-
-        Raises:
-            UsageError: the folder holds the records of another study.
-            OSError: the folder cannot be written.
-        """
-        asked = self.check(study) if self.exists else study.described()
-        if self.exists and asked == {**self.description(), "versions": asked["versions"]}:
-            return
-        self.path.mkdir(parents=True, exist_ok=True)
-        write_text(self.path / _STUDY, json.dumps(asked, indent=1, default=repr) + "\n", overwrite=True)
+        """Record the study, after `check`."""
+        asked = self.check(study)
+        if not self.exists or asked != {**self.description(), "versions": asked["versions"]}:
+            write_text(self.path / _STUDY, json.dumps(asked, indent=1) + "\n", overwrite=True)
 
     def check(self, study: Study) -> dict[str, Any]:
-        """Merge the description of the store with that of a study.
-
-        Returns:
-            JSON data.
+        """Return the description of a study, with the laws that the store holds already.
 
         Raises:
             UsageError: the store holds the records of another study.
         """
-        known, asked = self.description(), json.loads(json.dumps(study.described(), default=repr))
+        asked = json.loads(json.dumps(study.described(), default=repr))
+        if not self.exists:
+            return asked
+        known = self.description()
         difference = _difference(known, asked)
         if difference:
             raise UsageError(
@@ -122,9 +111,8 @@ class Store:
         if not (only_empty or self.exists) or (self.path.exists() and not self.path.is_dir()):
             raise UsageError(f"{self.path} exists and holds no archive. Give the name of a new folder.")
         self.path.mkdir(parents=True, exist_ok=True)
-        locks = {".lock": shard[1] == 1}
-        if shard[1] > 1:
-            locks[f".lock-{shard[0]}-of-{shard[1]}"] = True
+        part, parts = shard
+        locks = {".lock": True} if parts == 1 else {".lock": False, f".lock-{part}-of-{parts}": True}
         with contextlib.ExitStack() as stack:
             for name, exclusive in locks.items():
                 file = stack.enter_context(open(self.path / name, "a+", encoding="utf-8"))
@@ -152,20 +140,15 @@ class Store:
         return ""
 
     def write_part(self, table: Any, files: Mapping[str, bytes] | None = None) -> None:
-        """Write finished rows, after the files of their residuals.
-
-        Args:
-            table: the rows.
-            files: netCDF files of residuals by key.
+        """Write finished rows, after the netCDF files of their residuals by key.
 
         Raises:
             OSError: the files cannot be written; then no row is written either.
         """
-        (self.path / _PARTS).mkdir(exist_ok=True)
-        if files:
-            (self.path / _RUNS).mkdir(exist_ok=True)
-        for key, bytes_ in (files or {}).items():
-            write_bytes(self.path / _RUNS / f"{key}.nc", bytes_, overwrite=True)
+        for folder in (_PARTS, _RUNS) if files else (_PARTS,):
+            (self.path / folder).mkdir(exist_ok=True)
+        for key, content_ in (files or {}).items():
+            write_bytes(self.path / _RUNS / f"{key}.nc", content_, overwrite=True)
         # Later parts have larger numbers, whatever the clock says. A random suffix separates simultaneous drivers.
         last = max((int(n[:20]) for n in os.listdir(self.path / _PARTS) if _PART.fullmatch(n)), default=0)
         name = f"{last + 1:020d}-{secrets.token_hex(4)}.parquet"
@@ -173,29 +156,17 @@ class Store:
 
     def records(self) -> list[dict[str, Any]]:
         """Return the columns of each row that a plan needs."""
-        return [row for _, table in self._tables(REMEMBERED) for row in table.to_pylist()]
+        return self.table().select(REMEMBERED).to_pylist() if self.exists else []
 
-    def relabel(self, rows: Sequence[tuple[str, str, Mapping[str, Any]]]) -> None:
-        """Write updated records for files that were moved.
-
-        Args:
-            rows: hash, settings and new columns of each record.
-        """
-        wanted: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
-        for sha256, settings, columns in rows:
-            wanted.setdefault((sha256, settings), []).append(columns)
-        known: dict[tuple[str, str], dict[str, dict[str, Any]]] = {}
-        for _, table in self._tables(None):
-            pairs = list(zip(*(table.column(name).to_pylist() for name in ("sha256", "settings")), strict=True))
-            numbers = [i for i, pair in enumerate(pairs) if pair in wanted]
-            # Files with the same bytes have equal rows except for these columns.
-            newer: dict[tuple[str, str], dict[str, dict[str, Any]]] = {}
-            for i, row in zip(numbers, without_facts(table).take(numbers).to_pylist() if numbers else (), strict=True):
-                newer.setdefault(pairs[i], {})[row["run"]] = row
-            known |= newer
-        updated = [{**row, **each} for pair in wanted for each in wanted[pair] for row in known.get(pair, {}).values()]
-        if updated:
-            self.write_part(of_rows(updated))
+    def relabel(self, moved: Mapping[tuple[str, str], Sequence[Mapping[str, Any]]]) -> None:
+        """Write records for files that were moved, by hash and settings of their rows."""
+        table = without_facts(self.table())
+        pairs = zip(table.column("sha256").to_pylist(), table.column("settings").to_pylist(), strict=True)
+        rows = table.take([i for i, pair in enumerate(pairs) if pair in moved]).to_pylist()
+        # Files with the same bytes have equal rows except for these columns.
+        runs = {(row["sha256"], row["settings"], row["run"]): row for row in rows}
+        updated = [{**row, **columns} for (*pair, _), row in runs.items() for columns in moved[tuple(pair)]]
+        self.write_part(of_rows(updated))
 
     def write_table(self, root: Path) -> None:
         """Merge all parts into the table unless it is up to date."""
@@ -217,23 +188,18 @@ class Store:
 
     def _merged(self, root: Path | None = None) -> tuple[Any, bool]:
         """Return all rows, and whether the table of the store holds them already."""
-        facts = self.description()["facts"]
-        tables = self._tables(None)
-        if not tables:
-            return of_rows([]), True
-        current = len(tables) == 1 and note(tables[0][1], "parts") and note(tables[0][1], "templates") == facts
-        return (tables[0][1], True) if current else (joined(tables, facts, root), False)
-
-    def _tables(self, columns: Sequence[str] | None) -> list[tuple[str, Any]]:
-        """Return the table, then unmerged parts from oldest to newest."""
-        tables: list[tuple[str, Any]] = []
+        facts, tables = self.description()["facts"], []
         if (self.path / _TABLE).is_file():
-            tables.append(("", _read(self.path / _TABLE, columns)))
-        had = set(note(tables[0][1], "parts")) if tables else set()
+            tables.append(("", _read(self.path / _TABLE)))
+        merged = set(note(tables[0][1], "parts")) if tables else set()
         with contextlib.suppress(FileNotFoundError):
             names = sorted(n for n in os.listdir(self.path / _PARTS) if n.endswith(".parquet") and n[0] != ".")
-            tables += [(name, _read(self.path / _PARTS / name, columns)) for name in names if name not in had]
-        return tables
+            tables += [(name, _read(self.path / _PARTS / name)) for name in names if name not in merged]
+        if not tables:
+            return of_rows([]), True
+        if merged and len(tables) == 1 and note(tables[0][1], "templates") == facts:
+            return tables[0][1], True
+        return joined(tables, facts, root), False
 
 
 def _parquet(table: Any) -> memoryview:
@@ -242,10 +208,10 @@ def _parquet(table: Any) -> memoryview:
     return buffer.getbuffer()
 
 
-def _read(path: Path, columns: Sequence[str] | None) -> Any:
+def _read(path: Path) -> Any:
     parquet = needed("An archive", "pyarrow.parquet", "batch")
     try:
-        return parquet.ParquetFile(path).read(None if columns is None else list(columns))
+        return parquet.ParquetFile(path).read()
     except (OSError, ValueError) as error:
         raise DataError(
             f"{path} cannot be read ({' '.join(str(error).split())[:120]}). Remove it and start again: its runs are "

@@ -29,9 +29,9 @@ _AFTER = {
     "load": "float64",
     "rig": "string",
 }
-_PICTURES = ("sketch_t", "sketch_x", "sketch_residual", "reversal_t", "reversal_x")
+PICTURES = ("sketch_t", "sketch_x", "sketch_residual", "reversal_t", "reversal_x")
 _LAST = {
-    **dict.fromkeys(_PICTURES, "list"),
+    **dict.fromkeys(PICTURES, "list"),
     "sha256": "string",
     "bytes": "int64",
     "modified": "string",
@@ -44,7 +44,7 @@ STATUSES = ("ok", "invalid", "rejected", "failed")
 """Status of a run: valid fit, fit that should not be trusted, no valid data, or unexpected error."""
 COLUMNS = (*_BEFORE, *_AFTER, *_LAST)
 """Columns of every table; those of parameters and facts are placed between them."""
-REMEMBERED = ("file", "status", "settings", "sha256", "bytes", "modified", "inode")
+REMEMBERED = ["file", "status", "settings", "sha256", "bytes", "modified", "inode"]
 """Columns that a plan needs."""
 
 

@@ -78,11 +78,15 @@ class Workers:
         """
         if self.workers is not None and self.scheduler is not None:
             raise UsageError("--workers and --scheduler cannot both do the work; leave one out.")
-        if self.workers is None and self.scheduler is None:
-            return None
-        from ..archive import execute
+        if self.workers is not None:
+            from ..archive.execute import workers
 
-        return execute.workers(self.workers) if self.scheduler is None else execute.scheduler(self.scheduler)
+            return workers(self.workers)
+        if self.scheduler is not None:
+            from ..archive.execute import scheduler
+
+            return scheduler(self.scheduler)
+        return None
 
 
 def batch(

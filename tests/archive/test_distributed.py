@@ -180,7 +180,7 @@ def place(dask_worker):
 def test_workers_of_this_machine_have_a_core_each():
     """Without separate cores, the threads of two workers would compete."""
     usable = sorted(os.sched_getaffinity(0))
-    with execute._local(3) as client:
+    with execute._connected(3) as client:
         places = dict(client.run(place).values())
     assert places == {number: [usable[number % len(usable)]] for number in range(3)}
 
