@@ -111,7 +111,7 @@ def plan(
     jobs, done, changed = [], 0, []
     moved: dict[tuple[str, str], list[dict[str, Any]]] = {}
     for file in files:
-        if shard[1] > 1 and zlib.crc32(os.fsencode(file)) % shard[1] != shard[0] - 1:
+        if zlib.crc32(os.fsencode(file)) % shard[1] != shard[0] - 1:
             continue
         signature, name = signature_of(study.root / file), printable(file)
         sha256 = same = known.get(name, {}).get(signature, "")
