@@ -95,43 +95,28 @@ class Archive(Reported):
             UsageError: unknown column, or several laws and no choice.
             DataError: fewer than three valid runs.
         """
-        of_law = np.asarray(self.table.column("friction").to_pylist(), object)
-        laws = sorted(set(of_law))
+        table = self.table.drop_columns(PICTURES).to_pandas()
+        laws = sorted(set(table["friction"]))
         if friction is None and len(laws) > 1:
             raise UsageError(f"The archive holds rows of {', '.join(laws)}; choose one with friction=.")
         if friction is not None and friction not in laws:
             raise UsageError(f"There is no row of {friction!r}.{nearest(friction, laws)} There are {', '.join(laws)}.")
-        self._check_column(name, f"{name}_std")
-        rows = of_law == friction if friction is not None else np.full(len(of_law), True)
+        self._check_column(name, f"{name}_std", *([] if by is None else [by]))
+        rows = table[table["friction"].isin([friction] if friction else laws)]
         if by is None:
-            return self._population(name, rows)
-        self._check_column(by)
-        values = np.asarray(self.table.column(by).to_pylist(), object)
+            return _population(rows, name)
         groups = {}
-        for value in dict.fromkeys(v for v in values[rows] if v is not None and v == v):
+        for value, group in rows.groupby(by):
             with contextlib.suppress(DataError):
-                groups[value] = self._population(name, rows & (values == value))
+                groups[value] = _population(group, name)
         if not groups:
             raise DataError(f"No value of {by} has three runs with a valid {name}.")
-        return dict(sorted(groups.items()))
-
-    def _population(self, name: str, rows: np.ndarray) -> "Population":
-        from ..fitting.population import population
-
-        table = self.table.select(["status", name, f"{name}_std", f"{name}_combined_std"]).to_pandas()
-        status, value, std, combined = (table[column].to_numpy() for column in table)
-        # The uncertainty of rig inputs is common to all runs, so it does not average out.
-        common = np.sqrt(np.maximum(combined**2 - std**2, 0.0))
-        chosen = np.flatnonzero(rows)
-        ok = np.where(status == "ok", value, np.nan)
-        pooled = population(ok[chosen], std[chosen], [np.nan_to_num(common[chosen])])
-        numbered = {field: tuple(int(chosen[i]) for i in getattr(pooled, field)) for field in ("outliers", "left_out")}
-        return pooled._replace(**numbered)
+        return groups
 
     def _check_column(self, *names: str) -> None:
         for name in names:
             if name not in self.table.column_names:
-                known = self.table.drop_columns(list(PICTURES)).column_names
+                known = self.table.drop_columns(PICTURES).column_names
                 raise UsageError(
                     f"The archive has no column {name!r}.{nearest(name, known)} It has {', '.join(known)}."
                 )
@@ -150,9 +135,8 @@ class Archive(Reported):
                 connection.register("runs", self.table)
                 answer = connection.execute(sql)
                 if answer is None or connection.description is None:
-                    raise UsageError(
-                        'The query gives no rows; write for example "select file, mu from runs order by mu".'
-                    )
+                    example = '"select file, mu from runs order by mu"'
+                    raise UsageError(f"The query gives no rows; write for example {example}.")
                 return answer.df()
             except duckdb.Error as error:
                 words = " ".join(str(error).split())
@@ -165,7 +149,7 @@ class Archive(Reported):
             FileExistsError: the file exists and `overwrite` is False.
             OSError: the file cannot be written.
         """
-        return write_csv(self.table.drop_columns(list(PICTURES)).to_pandas(), path, overwrite=overwrite)
+        return write_csv(self.table.drop_columns(PICTURES).to_pandas(), path, overwrite=overwrite)
 
     def plot(self, name: str = "mu", against: str = "run", *, style: Style = "screen") -> Any:
         """Plot a parameter of all ok runs with standard errors.
@@ -210,6 +194,18 @@ class Archive(Reported):
         return f"Archive({str(self.path)!r}, {len(self)} rows of {files} files: {counts or 'empty'})"
 
 
+def _population(rows: "DataFrame", name: str) -> "Population":
+    """Return the population of some rows; its run numbers are those of the whole table."""
+    from ..fitting.population import population
+
+    value, std, combined = (rows[f"{name}{end}"].to_numpy(float) for end in ("", "_std", "_combined_std"))
+    # The uncertainty of rig inputs is common to all runs, so it does not average out.
+    common = np.nan_to_num(np.sqrt(np.maximum(combined**2 - std**2, 0.0)))
+    pooled = population(np.where(rows["status"] == "ok", value, np.nan), std, [common])
+    numbered = {field: tuple(rows.index[list(getattr(pooled, field))].tolist()) for field in ("outliers", "left_out")}
+    return pooled._replace(**numbered)
+
+
 def open_archive(path: str | os.PathLike[str]) -> Archive:
     """Open a store made by `fricjax.batch` or ``fricjax batch``.
 
@@ -237,9 +233,7 @@ def results(path: str | os.PathLike[str]) -> "DataFrame":
 
     Examples:
         >>> import fricjax as fj
-        >>> machine = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.Coulomb(0.05))
-        >>> _ = fj.write(fj.synthetic_run(machine, 2e-3, rate=2e3, duration=0.6, noise=1e-9, seed=0), "run.csv")
-        >>> _ = fj.batch(["run.csv"], "one", machine)
+        >>> _ = fj.batch([fj.data.example_paths().run], "one", rig=fj.data.example_paths().rig)
         >>> fj.archive.results("one")["status"].tolist()
         ['ok']
     """
@@ -253,14 +247,9 @@ def write_csv(table: "DataFrame", path: str | os.PathLike[str], *, overwrite: bo
     """
     from ..show.files import write_text
 
-    text = table.copy()
-    for name in text:
-        if not np.issubdtype(np.asarray(text[name]).dtype, np.number):
-            text[name] = [escaped(cell) for cell in text[name]]
-    text.columns = [escaped(str(name)) for name in text.columns]
+    text = table.map(_escaped).rename(columns=lambda name: _escaped(str(name)))
     return write_text(path, text.to_csv(index=False), overwrite=overwrite)
 
 
-def escaped(cell: Any) -> Any:
-    """Escape a cell that a spreadsheet would evaluate as a formula."""
+def _escaped(cell: Any) -> Any:
     return f"'{cell}" if isinstance(cell, str) and cell.startswith(_FORMULA) else cell

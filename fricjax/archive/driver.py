@@ -130,11 +130,7 @@ def plan_of(study: Study, out: str | os.PathLike[str], *, retry: bool = False, s
 
 
 def _check(study: Study) -> None:
-    """Reject settings that fit no run.
-
-    Raises:
-        UsageError: as in `fricjax.fit`.
-    """
+    """Reject settings that fit no run, as in `fricjax.fit`."""
     for law in study.laws:
         for rule in study.rules or (Rule(),):
             request = study.request(law, rule, float("nan"))
@@ -175,11 +171,7 @@ def _study_of(
     residuals: bool = False,
     **settings: Any,
 ) -> Study:
-    """Create the study of runs with one reader configuration and one rig.
-
-    Raises:
-        UsageError: no runs, no oscillator, or an unknown setting.
-    """
+    """Create the study of runs with one reader configuration and one rig."""
     for name in settings:
         if name not in DEFAULTS:
             known = ("rig", "reading", "include", "exclude", "facts", "residuals", *DEFAULTS)

@@ -176,11 +176,7 @@ def _completed(
 
 
 def _by_dask(where: int | str) -> Executor:
-    """Return an executor with a number of local workers, or those of a scheduler.
-
-    Raises:
-        UsageError: Dask, or the package for encrypted connections, is not installed.
-    """
+    """Return an executor with a number of local workers, or those of a scheduler."""
     for module in ("cryptography", "distributed"):
         needed("A batch with workers", module, "batch")
 
@@ -210,11 +206,7 @@ def _by_dask(where: int | str) -> Executor:
 
 @contextlib.contextmanager
 def _connected(where: int | str) -> Iterator[Any]:
-    """Connect to a scheduler with at least one worker.
-
-    Raises:
-        UsageError: the local workers do not start, or no scheduler or no worker answers.
-    """
+    """Connect to a scheduler with at least one worker."""
     from distributed import Client
     from distributed.utils import silence_logging_cmgr
 
@@ -264,14 +256,8 @@ def dask_setup(worker: Any) -> None:
 
     Dask calls this function. The worker ignores Ctrl-C, which reaches all processes of a terminal; the driver handles
     it and waits for running chunks. Local workers are bound to one core each.
-
-    Args:
-        worker: the worker; it is not modified.
-
-    Examples:
-        >>> dask_setup(None)
     """
-    if worker is not None and threading.current_thread() is threading.main_thread():
+    if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGINT, signal.SIG_IGN)
     # Only a local cluster numbers its workers. Without affinity each worker would start as many threads as there are
     # cores; XLA counts the cores when it starts.
@@ -287,11 +273,7 @@ def _worker_facts(root: str) -> tuple[str, bool]:
 
 
 def _check_workers(client: Any, root: Path) -> None:
-    """Check that workers will compute the same results as this process.
-
-    Raises:
-        UsageError: a worker has another version of this package or no version, or does not see the runs.
-    """
+    """Refuse workers with another version of this package, and workers that do not see the runs."""
     try:
         answers = client.run(_worker_facts, str(root))
     except ImportError as error:

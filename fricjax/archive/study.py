@@ -9,6 +9,7 @@ import functools
 import hashlib
 import json
 import math
+import platform
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -82,22 +83,14 @@ class Rule:
         return {} if self.rig is None else {n: [m.value, m.std] for n, m in self.rig.numbers().items()}
 
 
-def matches(file: str, pattern: str) -> bool:
-    """Return True if a POSIX path matches a pattern.
-
-    ``**`` matches any folders and ``*`` any name.
-    """
-    return _pattern(pattern).fullmatch(file) is not None
-
-
 # Regular expressions of wildcards, folders before names.
 _SIGNS = {"**/": "(?:.*/)?", "**": ".*", "*": "[^/]*", "?": "[^/]"}
 
 
-@functools.cache
-def _pattern(pattern: str) -> re.Pattern[str]:
+def matches(file: str, pattern: str) -> bool:
+    """Return True if a POSIX path matches a pattern; ``**`` matches any folders and ``*`` any name."""
     parts = re.split(r"(\*\*/|\*\*|\*|\?)", pattern)
-    return re.compile("".join(_SIGNS.get(part, re.escape(part)) for part in parts), re.DOTALL)
+    return re.fullmatch("".join(_SIGNS.get(part, re.escape(part)) for part in parts), file, re.DOTALL) is not None
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -208,12 +201,7 @@ class Study:
         from ..fitting.store import plain_fields
 
         rules = [
-            {
-                "pattern": rule.pattern,
-                "reading": dict(rule.reading),
-                "rig": rule.rig_name,
-                "inputs": rule.inputs(),
-            }
+            {"pattern": rule.pattern, "reading": dict(rule.reading), "rig": rule.rig_name, "inputs": rule.inputs()}
             for rule in self.rules
         ]
         return {
@@ -231,8 +219,6 @@ class Study:
 @functools.cache
 def versions() -> Mapping[str, str]:
     """Return the versions of the programs for a record."""
-    import platform
-
     import jax
 
     from .. import __version__
@@ -256,13 +242,7 @@ DEFAULTS: Mapping[str, Any] = {
 
 @functools.cache
 def _template(template: str) -> re.Pattern[str]:
-    """Compile a template to a regular expression for path ends.
-
-    Each fact is part of one name.
-
-    Raises:
-        UsageError: a template without facts, or with a fact twice.
-    """
+    """Compile a template to a regular expression for path ends; each fact is part of one name."""
     names = _FACT.findall(template)
     if not names or len(set(names)) < len(names):
         raise UsageError(

@@ -90,7 +90,7 @@ def read_study(path: str | Path) -> Study:
     file = Path(path)
     table = read_toml(file, "study")
     try:
-        return _study(file.parent, _checked("", table, _StudyFile))
+        return _study(file.parent, _table("", table, _StudyFile))
     except UsageError as error:
         words = str(error)
         if not words.startswith(str(file)):
@@ -103,39 +103,34 @@ _KINDS = {str: "a text in quotes", float: "a number", bool: "true or false", lis
 
 
 def _checked(place: str, value: Any, kind: Any) -> Any:
-    """Return a value of a study file, as the dataclass or the plain type of its key.
-
-    Raises:
-        UsageError: an unknown or missing key, or a value of another type.
-    """
-    if kind is Any:
-        return value
+    """Return a value as the dataclass or the plain type of its key."""
     kinds = get_args(kind) if isinstance(kind, types.UnionType) else (kind,)
     for each in kinds:
-        if isinstance(value, dict) and is_dataclass(each):
-            return _checked_table(place, value, each)
-        if isinstance(value, dict) and get_origin(each) is dict:
-            return {name: _checked(f"{place}.{name}", inner, get_args(each)[1]) for name, inner in value.items()}
-        if isinstance(value, list) and get_origin(each) is list:
-            return [_checked(f"{place}[{i}]", inner, get_args(each)[0]) for i, inner in enumerate(value, 1)]
-        if type(value) is each:
+        origin, inner = get_origin(each) or each, get_args(each)
+        if origin is Any or type(value) is each:
             return value
-        if each is float and type(value) is int:
+        if origin is float and type(value) is int:
             return float(value)
+        if isinstance(value, list) and origin is list:
+            return [_checked(f"{place}[{i}]", item, inner[0]) for i, item in enumerate(value, 1)]
+        if isinstance(value, dict) and origin is dict:
+            return {name: _checked(f"{place}.{name}", item, inner[1]) for name, item in value.items()}
+        if isinstance(value, dict) and is_dataclass(each):
+            return _table(f"{place}.", value, each)
     words = [_KINDS.get(get_origin(each) or each, "a table") for each in kinds if each is not types.NoneType]
     raise UsageError(f"'{place}' must be {' or '.join(words)}, got {brief(value)}.")
 
 
-def _checked_table(place: str, table: dict[str, Any], kind: Any) -> Any:
+def _table(place: str, table: dict[str, Any], kind: Any) -> Any:
+    """Return a table as the dataclass of its keys."""
     kinds = {each.name: each.type for each in fields(kind)}
-    name_in = lambda key: f"{place}.{key}" if place else key
     for key in table:
         if key not in kinds:
             known = f"{nearest(key, kinds)} Known are {', '.join(kinds)}."
-            raise UsageError(f"there is no key '{name_in(key)}' in a study file.{known}")
+            raise UsageError(f"there is no key '{place}{key}' in a study file.{known}")
     if kind is _Runs and "pattern" not in table:
-        raise UsageError(f"'{name_in('pattern')}' is missing; add a line such as pattern = \"lab_b/**\".")
-    return kind(**{key: _checked(name_in(key), value, kinds[key]) for key, value in table.items()})
+        raise UsageError(f"'{place}pattern' is missing; add a line such as pattern = \"lab_b/**\".")
+    return kind(**{key: _checked(f"{place}{key}", value, kinds[key]) for key, value in table.items()})
 
 
 def _study(folder: Path, asked: _StudyFile) -> Study:
@@ -146,32 +141,26 @@ def _study(folder: Path, asked: _StudyFile) -> Study:
 
     settings = {
         "nuisance": None if asked.nuisance is None else _texts(asked.nuisance),
-        "start": asked.start,
         "bounds": {name: parsing.span(f"bounds.{name}", text) for name, text in asked.bounds.items()},
         "priors": {name: parsing.estimate(f"priors.{name}", text) for name, text in asked.priors.items()},
         "tie": {name: parsing.tied(text) for name, text in asked.tie.items()},
-        "guess": asked.guess,
-        "loss": asked.loss,
-        "noise": asked.noise,
+        **{name: getattr(asked, name) for name in ("start", "guess", "loss", "noise")},
     }
     # If rules have rigs and the study has no machine, validate the study with the first of these rigs.
     rigs = [runs.rig for runs in asked.runs if runs.rig]
     only_rules = asked.rig is None and asked.normal_force is None and bool(rigs)
     rig = rigs[0] if only_rules else asked.rig
     texts = {name: getattr(asked, name) for name in ("mass", "stiffness", "normal_force")}
-    machine = {
+    machine: dict[str, Any] = {
+        **vars(asked),
+        **{name: None if value is None else str(value) for name, value in texts.items()},
         "rig": None if rig is None else folder / rig,
         "fix": [f"{name}={value!r}" for name, value in asked.fix.items()] or None,
-        "restoring": asked.restoring,
-        **{name: None if value is None else str(value) for name, value in texts.items()},
-        "drag": asked.drag,
-        "engine": asked.engine,
     }
     free = None if asked.free is None else ",".join(_texts(asked.free))
     choices = {}
     for friction in _texts(asked.friction):
-        options: Any = SimpleNamespace(friction=friction, **machine)
-        choice = choose(options, free, tuple(settings["tie"]))
+        choice = choose(SimpleNamespace(**{**machine, "friction": friction}), free, tuple(settings["tie"]))
         check_settings(choice.model, choice.free, 1, {**settings, "sigma_mode": "absolute"})
         choices["+".join(law.name.lower() for law in choice.laws)] = choice
     first = next(iter(choices.values()))

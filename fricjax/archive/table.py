@@ -29,7 +29,7 @@ _AFTER = {
     "load": "float64",
     "rig": "string",
 }
-PICTURES = ("sketch_t", "sketch_x", "sketch_residual", "reversal_t", "reversal_x")
+PICTURES = ["sketch_t", "sketch_x", "sketch_residual", "reversal_t", "reversal_x"]
 _LAST = {
     **dict.fromkeys(PICTURES, "list"),
     "sha256": "string",

@@ -31,12 +31,7 @@ from .table import netcdf
 
 
 class Done(NamedTuple):
-    """Result of a chunk.
-
-    Attributes:
-        rows: a mapping of columns for each run and law, without null values.
-        residuals: netCDF files by the key of their run, if requested.
-    """
+    """Rows of a chunk, one for each run and law, and requested netCDF files of residuals by key."""
 
     rows: list[dict[str, Any]]
     residuals: dict[str, bytes]
@@ -59,11 +54,7 @@ class _Outcome(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Work:
-    """Work on a chunk, picklable for workers.
-
-    Attributes:
-        study: the study.
-    """
+    """Work on the chunks of a study, picklable for workers."""
 
     study: Study
 
@@ -177,11 +168,7 @@ def outcome_of(error: Exception) -> dict[str, str]:
 
 
 def _check_file(study: Study, job: Job) -> None:
-    """Reject files that may not be a run of the study.
-
-    Raises:
-        DataError: a file that is too large, or a link to a file outside the folder.
-    """
+    """Reject a file that is too large, and a link to a file outside the folder."""
     name = printable(Path(job.file).name)
     if job.signature.bytes > LARGEST_FILE:
         size, most = gigabytes(job.signature.bytes), gigabytes(LARGEST_FILE)
@@ -225,10 +212,7 @@ def _facts_of(record: Record | Exception) -> dict[str, Any]:
 
 
 def _outcomes(rows: Sequence[Row], calibrated: Sequence[bool], with_residuals: bool) -> list[_Outcome]:
-    """Return the outcomes of fitted runs.
-
-    Coefficients of an uncalibrated machine are omitted.
-    """
+    """Return the outcomes of fitted runs, without coefficients of an uncalibrated machine."""
     batch = collected(rows, ("",) * len(rows))
     solved: Any = [(row.problem, row.weighted.solution) for row in rows if row.weighted is not None]
     frame = batch.to_dataframe().drop(columns=["source", "converged", "status"])
