@@ -195,7 +195,7 @@ class Archive(Reported):
 
 
 def _population(rows: "DataFrame", name: str) -> "Population":
-    """Return the population of some rows; its run numbers are those of the whole table."""
+    """Return the population of some rows, with row numbers of the table."""
     from ..fitting.population import population
 
     value, std, combined = (rows[f"{name}{end}"].to_numpy(float) for end in ("", "_std", "_combined_std"))

@@ -198,17 +198,13 @@ def _study_of(
 
 
 def place_of(runs: Any) -> tuple[Path, tuple[str, ...] | None]:
-    """Return the common folder of runs and their relative paths.
-
-    The paths are None for all runs of a folder.
-    """
+    """Return the folder of runs and their names, None for all."""
     if isinstance(runs, str | os.PathLike):
         path = Path(runs)
         return (path.parent, (path.name,)) if path.is_file() else (path, None)
     paths = [os.path.abspath(path) for path in runs]
     if not paths:
         raise UsageError("There is no run to fit: the list is empty.")
-    folders = [os.path.dirname(path) for path in paths]
-    root = os.path.commonpath(folders)
+    root = os.path.commonpath([os.path.dirname(path) for path in paths])
     names = tuple(dict.fromkeys(Path(os.path.relpath(path, root)).as_posix() for path in paths))
     return Path(root), names

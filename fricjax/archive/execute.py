@@ -52,7 +52,7 @@ _GUARD = (
 
 
 def in_this_process(chunks: Sequence[Chunk], work: Work) -> Generator[tuple[Chunk, Done]]:
-    """Process chunks by as many threads as there are cores; reading files overlaps with fitting."""
+    """Process chunks by threads, so that reading files overlaps with fitting."""
     threads = cores()
     with ThreadPoolExecutor(threads) as pool:
         # One chunk more than threads keeps them busy; more would let results pile up behind a slow disk.
@@ -176,7 +176,7 @@ def _completed(
 
 
 def _by_dask(where: int | str) -> Executor:
-    """Return an executor with a number of local workers, or those of a scheduler."""
+    """Return an executor with local workers, or those of a scheduler."""
     for module in ("cryptography", "distributed"):
         needed("A batch with workers", module, "batch")
 
@@ -273,7 +273,7 @@ def _worker_facts(root: str) -> tuple[str, bool]:
 
 
 def _check_workers(client: Any, root: Path) -> None:
-    """Refuse workers with another version of this package, and workers that do not see the runs."""
+    """Refuse workers with another version, or without access to the runs."""
     try:
         answers = client.run(_worker_facts, str(root))
     except ImportError as error:

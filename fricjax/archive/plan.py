@@ -33,13 +33,7 @@ class Signature(NamedTuple):
 
 
 class Job(NamedTuple):
-    """File to fit.
-
-    Attributes:
-        file: path relative to the folder of the study.
-        signature: signature at the time of planning.
-        laws: indices of the laws to fit.
-    """
+    """File to fit, its signature when planned, and indices of its laws."""
 
     file: str
     signature: Signature
@@ -57,7 +51,7 @@ class Plan(NamedTuple):
         chunks: files to fit.
         files: all files of the study, including those of other shards.
         done: number of files with complete results.
-        moved: new columns of complete files whose records have another path or other times, by hash and settings.
+        moved: new columns of complete files that were moved or touched, by hash and settings.
         changed: files to fit again because their bytes have changed.
         links: links to folders, which are not followed.
     """
@@ -141,19 +135,13 @@ def signature_of(path: Path) -> Signature:
 
 
 def iso_time(nanoseconds: int) -> str:
-    """Format nanoseconds since 1970 as ISO text in UTC.
-
-    Nanoseconds are kept, since they identify files.
-    """
+    """Format nanoseconds since 1970 as exact ISO text in UTC."""
     seconds, rest = divmod(nanoseconds, 10**9)
     return f"{time.strftime('%Y-%m-%dT%H:%M:%S', time.gmtime(seconds))}.{rest:09d}Z"
 
 
 def hash_of(path: Path) -> str:
-    """Return the SHA-256 hash of a file.
-
-    The hash is empty if the file is unreadable or too large for a run.
-    """
+    """Return the SHA-256 of a file, empty if unreadable or too large."""
     try:
         check_regular(path)
         if path.stat().st_size > LARGEST_FILE:
@@ -165,10 +153,7 @@ def hash_of(path: Path) -> str:
 
 
 def _files_below(study: Study, store: Path | None) -> tuple[list[str], list[str]]:
-    """Return the runs below the folder of a study, sorted by name, and links to folders.
-
-    Hidden files and the store are skipped.
-    """
+    """Return the visible runs below a folder, and links to folders."""
     if not study.root.is_dir():
         raise UsageError(f"There is no folder {study.root}. Give the folder that holds the runs, or their paths.")
 
@@ -181,7 +166,7 @@ def _files_below(study: Study, store: Path | None) -> tuple[list[str], list[str]
         place = Path(folder).relative_to(study.root)
         inner[:] = [name for name in inner if not name.startswith(".")]
         # A link to a parent folder would cause infinite recursion.
-        links += [printable((place / name).as_posix()) for name in inner if os.path.islink(os.path.join(folder, name))]
+        links += [printable((place / name).as_posix()) for name in inner if Path(folder, name).is_symlink()]
         inner[:] = [name for name in inner if store is None or Path(folder, name).resolve() != store.resolve()]
         for name in names:
             file = (place / name).as_posix()
@@ -192,10 +177,7 @@ def _files_below(study: Study, store: Path | None) -> tuple[list[str], list[str]
 
 
 def _chunks(study: Study, jobs: Sequence[Job]) -> Iterator[Chunk]:
-    """Group files that are likely to share a shape.
-
-    They have the same suffix, the same laws and similar sizes.
-    """
+    """Group files of the same suffix and laws, and of similar size."""
     from ..fitting.chunks import blocks
 
     groups: dict[Any, list[Job]] = {}

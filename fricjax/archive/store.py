@@ -79,7 +79,7 @@ class Store:
             write_text(self.path / _STUDY, json.dumps(asked, indent=1) + "\n", overwrite=True)
 
     def check(self, study: Study) -> dict[str, Any]:
-        """Return the description of a study, with the laws that the store holds already.
+        """Return the description of a study with all stored laws.
 
         Raises:
             UsageError: the store holds the records of another study.
@@ -130,10 +130,7 @@ class Store:
             yield
 
     def driver(self) -> str:
-        """Return the process that works on this store, empty for none.
-
-        The text has the form "process 1234 on host".
-        """
+        """Return the driver at work, as "process 1234 on host", or nothing."""
         with contextlib.suppress(FileNotFoundError), open(self.path / ".lock", encoding="utf-8") as file:
             if not _lock(file, True):
                 return file.read(200).strip()
@@ -159,7 +156,7 @@ class Store:
         return self.table().select(REMEMBERED).to_pylist() if self.exists else []
 
     def relabel(self, moved: Mapping[tuple[str, str], Sequence[Mapping[str, Any]]]) -> None:
-        """Write records for files that were moved, by hash and settings of their rows."""
+        """Write new columns of moved files, by hash and settings."""
         table = without_facts(self.table())
         pairs = zip(table.column("sha256").to_pylist(), table.column("settings").to_pylist(), strict=True)
         rows = table.take([i for i, pair in enumerate(pairs) if pair in moved]).to_pylist()
@@ -170,13 +167,10 @@ class Store:
 
     def write_table(self, root: Path) -> None:
         """Merge all parts into the table unless it is up to date."""
-        with open(self.path / ".table-lock", "a+", encoding="utf-8") as lock:
-            if fcntl is not None:
-                with contextlib.suppress(OSError):
-                    fcntl.flock(lock, fcntl.LOCK_EX)
-            table, current = self._merged(root)
-            if not current:
-                write_bytes(self.path / _TABLE, _parquet(table), overwrite=True)
+        # If two drivers write at once, the last table wins; it names its parts, and the others are read again.
+        table, current = self._merged(root)
+        if not current:
+            write_bytes(self.path / _TABLE, _parquet(table), overwrite=True)
 
     def table(self) -> Any:
         """Return all rows, including parts not yet merged.
@@ -187,7 +181,7 @@ class Store:
         return self._merged()[0]
 
     def _merged(self, root: Path | None = None) -> tuple[Any, bool]:
-        """Return all rows, and whether the table of the store holds them already."""
+        """Return all rows, and whether the stored table has all of them."""
         facts, tables = self.description()["facts"], []
         if (self.path / _TABLE).is_file():
             tables.append(("", _read(self.path / _TABLE)))
@@ -220,10 +214,8 @@ def _read(path: Path) -> Any:
 
 
 def _lock(file: IO[str], exclusive: bool) -> bool:
-    """Lock a file until it is closed; return False if another process has locked it.
-
-    Some network drives, and Windows, have no locks; there the lock always succeeds.
-    """
+    """Lock a file until it is closed, if it is free."""
+    # Some network drives, and Windows, have no locks; there the lock always succeeds.
     if fcntl is None:
         return True
     kind = fcntl.LOCK_EX if exclusive else fcntl.LOCK_SH

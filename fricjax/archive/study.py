@@ -88,7 +88,7 @@ _SIGNS = {"**/": "(?:.*/)?", "**": ".*", "*": "[^/]*", "?": "[^/]"}
 
 
 def matches(file: str, pattern: str) -> bool:
-    """Return True if a POSIX path matches a pattern; ``**`` matches any folders and ``*`` any name."""
+    """Return True if a path matches a pattern."""
     parts = re.split(r"(\*\*/|\*\*|\*|\?)", pattern)
     return re.fullmatch("".join(_SIGNS.get(part, re.escape(part)) for part in parts), file, re.DOTALL) is not None
 
@@ -179,7 +179,7 @@ class Study:
         return Request.of(machine, law.free, rig=rig, **{**DEFAULTS, **self.settings})
 
     def settings_of(self, law: Law, file: str) -> str:
-        """Return the digest of the settings of a run, also of one with an invalid load."""
+        """Return the digest of the settings of a run with any load."""
         try:
             load = self.load_of(file)
         except DataError:
@@ -242,7 +242,7 @@ DEFAULTS: Mapping[str, Any] = {
 
 @functools.cache
 def _template(template: str) -> re.Pattern[str]:
-    """Compile a template to a regular expression for path ends; each fact is part of one name."""
+    """Compile a template to a regular expression for path ends."""
     names = _FACT.findall(template)
     if not names or len(set(names)) < len(names):
         raise UsageError(

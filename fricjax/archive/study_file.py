@@ -103,7 +103,7 @@ _KINDS = {str: "a text in quotes", float: "a number", bool: "true or false", lis
 
 
 def _checked(place: str, value: Any, kind: Any) -> Any:
-    """Return a value as the dataclass or the plain type of its key."""
+    """Return a value in the type of its key."""
     kinds = get_args(kind) if isinstance(kind, types.UnionType) else (kind,)
     for each in kinds:
         origin, inner = get_origin(each) or each, get_args(each)
@@ -160,7 +160,8 @@ def _study(folder: Path, asked: _StudyFile) -> Study:
     free = None if asked.free is None else ",".join(_texts(asked.free))
     choices = {}
     for friction in _texts(asked.friction):
-        choice = choose(SimpleNamespace(**{**machine, "friction": friction}), free, tuple(settings["tie"]))
+        options: Any = SimpleNamespace(**{**machine, "friction": friction})
+        choice = choose(options, free, tuple(settings["tie"]))
         check_settings(choice.model, choice.free, 1, {**settings, "sigma_mode": "absolute"})
         choices["+".join(law.name.lower() for law in choice.laws)] = choice
     first = next(iter(choices.values()))

@@ -49,11 +49,7 @@ REMEMBERED = ["file", "status", "settings", "sha256", "bytes", "modified", "inod
 
 
 def arrow() -> Any:
-    """Import pyarrow.
-
-    Raises:
-        UsageError: pyarrow is not installed.
-    """
+    """Import pyarrow, or raise a `UsageError` that names the extra."""
     needed("An archive", "pyarrow.parquet", "batch")
     return needed("An archive", "pyarrow", "batch")
 
@@ -106,10 +102,7 @@ def joined(tables: Sequence[tuple[str, Any]], facts: Sequence[str], root: Path |
 
 
 def note(table: Any, name: str) -> list[str]:
-    """Return a note in a merged table, empty for a part.
-
-    The notes are "parts" (names of the merged parts), "facts" (names of the fact columns) and "templates".
-    """
+    """Return the "parts", "facts" or "templates" of a merged table."""
     return json.loads((table.schema.metadata or {}).get(f"fricjax.{name}".encode(), b"[]"))
 
 
@@ -133,15 +126,7 @@ def _fact_columns(facts: Sequence[Mapping[str, str]]) -> dict[str, list[Any]]:
 
 
 def netcdf(row: Mapping[str, Any], samples: Any) -> bytes:
-    """Return times, displacements and residuals of a run as netCDF-4.
-
-    Args:
-        row: row of the run in the table, for the attributes.
-        samples: sketch of all its samples.
-
-    Raises:
-        UsageError: a package is not installed.
-    """
+    """Return times, displacements and residuals of a run as netCDF-4."""
     needed("A file of residuals", "h5netcdf", "batch")
     unit = row["quantity"]
     named = {
@@ -149,8 +134,7 @@ def netcdf(row: Mapping[str, Any], samples: Any) -> bytes:
         "residual": Variable("t", samples.residual, unit, "measured minus model"),
     }
     times = {"t": Variable("t", samples.t, "s", "time from the first sample")}
-    kept = ("key", "file", "run", "friction", "status", "sha256", "fricjax")
+    facts = {name: str(row[name]) for name in ("key", "file", "run", "friction", "status", "sha256", "fricjax")}
     buffer = io.BytesIO()
-    facts = {name: str(row[name]) for name in kept}
     dataset(named, times, Conventions="CF-1.11", **facts).to_netcdf(buffer, engine="h5netcdf")
     return buffer.getvalue()

@@ -31,7 +31,7 @@ from .table import netcdf
 
 
 class Done(NamedTuple):
-    """Rows of a chunk, one for each run and law, and requested netCDF files of residuals by key."""
+    """Rows of a chunk, and netCDF files of residuals by key."""
 
     rows: list[dict[str, Any]]
     residuals: dict[str, bytes]
@@ -45,11 +45,8 @@ class _Run(NamedTuple):
     columns: Mapping[str, Any]
 
 
-class _Outcome(NamedTuple):
-    """Status, sentence and further columns of a run, and a sketch of all residuals if requested."""
-
-    columns: dict[str, Any]
-    residuals: Any = None
+type _Outcome = tuple[dict[str, Any], Any]
+"""Status, sentence and further columns of a run; a sketch of all residuals, or None."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -67,11 +64,11 @@ class Work:
             started = time.perf_counter()
             outcomes = self._fitted(law, of_law)
             seconds = (time.perf_counter() - started) / max(len(of_law), 1)
-            for run, outcome in zip(of_law, outcomes, strict=True):
-                row = self._row(law, run.job, {**run.columns, **outcome.columns, "seconds_fit": seconds})
+            for run, (columns, residuals) in zip(of_law, outcomes, strict=True):
+                row = self._row(law, run.job, {**run.columns, **columns, "seconds_fit": seconds})
                 done.rows.append(row)
-                if outcome.residuals is not None:
-                    done.residuals[row["key"]] = netcdf(row, outcome.residuals)
+                if residuals is not None:
+                    done.residuals[row["key"]] = netcdf(row, residuals)
         return done
 
     def unfitted(self, chunk: Chunk, outcome: Mapping[str, str]) -> Done:
@@ -111,7 +108,7 @@ class Work:
             return self._fitted_together(law, runs)
         except Exception as error:
             if len(runs) == 1:
-                return [_Outcome(outcome_of(error))]
+                return [(outcome_of(error), None)]
             return [outcome for run in runs for outcome in self._fitted(law, [run])]
 
     def _fitted_together(self, law: Law, runs: Sequence[_Run]) -> list[_Outcome]:
@@ -124,11 +121,11 @@ class Work:
                 rule, load = self.study.rule_of(run.job.file), self.study.load_of(run.job.file)
                 requests[i] = self.study.request(law, rule, load)
             except Exception as error:
-                outcomes[i] = _Outcome(outcome_of(error))
+                outcomes[i] = (outcome_of(error), None)
         groups: dict[Any, dict[int, Row]] = {}
         for i, row in zip(requests, fit_rows([runs[i].record for i in requests], list(requests.values())), strict=True):
             if row.problem is None:
-                outcomes[i] = _Outcome({"status": "rejected", "outcome": row.status.removeprefix("rejected: ")})
+                outcomes[i] = {"status": "rejected", "outcome": row.status.removeprefix("rejected: ")}, None
             else:
                 groups.setdefault((row.problem.names, tuple(row.problem.inputs)), {})[i] = row
         for group in groups.values():
@@ -168,7 +165,7 @@ def outcome_of(error: Exception) -> dict[str, str]:
 
 
 def _check_file(study: Study, job: Job) -> None:
-    """Reject a file that is too large, and a link to a file outside the folder."""
+    """Reject a file that is too large or outside the folder."""
     name = printable(Path(job.file).name)
     if job.signature.bytes > LARGEST_FILE:
         size, most = gigabytes(job.signature.bytes), gigabytes(LARGEST_FILE)
@@ -212,7 +209,7 @@ def _facts_of(record: Record | Exception) -> dict[str, Any]:
 
 
 def _outcomes(rows: Sequence[Row], calibrated: Sequence[bool], with_residuals: bool) -> list[_Outcome]:
-    """Return the outcomes of fitted runs, without coefficients of an uncalibrated machine."""
+    """Return outcomes of fitted runs, without coefficients of uncalibrated machines."""
     batch = collected(rows, ("",) * len(rows))
     solved: Any = [(row.problem, row.weighted.solution) for row in rows if row.weighted is not None]
     frame = batch.to_dataframe().drop(columns=["source", "converged", "status"])
@@ -230,5 +227,5 @@ def _outcomes(rows: Sequence[Row], calibrated: Sequence[bool], with_residuals: b
         columns |= {"load": load} if calibrated[i] else dict.fromkeys((*meaningless, "load"))
         columns |= {f"sketch_{name}": values for name, values in sketch._asdict().items()}
         columns |= {"status": "ok" if status == CONVERGED else "invalid", "outcome": status, "engine": batch.engine}
-        outcomes.append(_Outcome(columns, residuals[i]))
+        outcomes.append((columns, residuals[i]))
     return outcomes
