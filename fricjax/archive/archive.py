@@ -33,19 +33,13 @@ class Archive(Reported):
 
     Examples:
         >>> import fricjax as fj
-        >>> machine = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.Coulomb(0.05))
-        >>> runs = [f"run_{seed}.csv" for seed in range(3)]
-        >>> for seed, name in enumerate(runs):
-        ...     _ = fj.write(fj.synthetic_run(machine, 2e-3, rate=2e3, duration=0.6, noise=1e-9, seed=seed), name)
-        >>> archive = fj.batch(runs, "results", machine)
+        >>> archive = fj.batch([fj.data.example_paths().run], "results", rig=fj.data.example_paths().rig)
         >>> archive
-        Archive('results', 3 rows of 3 files: 3 ok)
+        Archive('results', 1 rows of 1 files: 1 ok)
         >>> archive.failures().empty
         True
-        >>> round(archive.population("mu").mean, 6)
-        0.05
         >>> archive.query("select count(*) as n from runs where status = 'ok'")["n"].tolist()
-        [3]
+        [1]
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:

@@ -1,13 +1,11 @@
 """Execution of chunks by threads of this process, or by Dask workers.
 
-Both are pools of :mod:`concurrent.futures`, so one loop serves them. A worker gets paths and settings, reads the files
-and returns rows. Only this process writes them. If a worker is lost, another one repeats its chunk, and each chunk is
-written exactly once. A chunk that kills its workers is split: each of its files runs alone. A file that still kills its
-worker gets the status failed, and the others are fitted.
+Both are pools of :mod:`concurrent.futures`, so one loop serves them. Workers read the files and return rows, and only
+this process writes them. If a worker is lost, another one repeats its chunk. The files of a chunk that kills its workers
+run alone. A file that still kills its worker gets the status failed, and the others are fitted.
 
 Dask transmits Python objects: access to its ports allows running arbitrary code. Connections between local processes
-are therefore encrypted with keys known only to them. Connections of a running scheduler are as safe as its
-configuration.
+are therefore encrypted with keys known only to them. A running scheduler is as safe as its configuration.
 """
 
 import contextlib
@@ -65,7 +63,8 @@ def workers(number: int) -> Executor:
     The processes live as long as there are chunks.
 
     Args:
-        number: number of processes, each using one core. Without workers, a single process uses all cores.
+        number: number of processes, each using one core. Without workers, a single process uses all cores. A script
+            must call this under ``if __name__ == "__main__":``, because new processes import it.
 
     Raises:
         UsageError: Dask is not installed, or the number is not positive; when execution starts, also if the processes
@@ -76,11 +75,6 @@ def workers(number: int) -> Executor:
         Traceback (most recent call last):
         ...
         fricjax.errors.UsageError: There must be one worker at least, but workers=0 was given.
-
-    ```python
-    if __name__ == "__main__":
-        fricjax.batch("runs", "results", rig="rig.toml", execute=fricjax.archive.workers(8))
-    ```
     """
     if number < 1:
         raise UsageError(f"There must be one worker at least, but workers={number} was given.")

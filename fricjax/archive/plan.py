@@ -5,6 +5,7 @@ that was moved, copied or touched is recognised by the hash of its bytes.
 """
 
 import hashlib
+import itertools
 import os
 import time
 import zlib
@@ -18,7 +19,7 @@ from ..data.read import READERS
 from ..errors import DataError, UsageError
 from .study import Study, matches
 
-# Largest total size of the files of a chunk in bytes, since their data and results must fit into memory.
+# About the largest total size of the files of a chunk in bytes; their data and results must fit into memory.
 _LARGEST = 1 << 25
 LARGEST_FILE = 1 << 36
 """Largest file of a run in bytes; a sparse file that claims more would take hours to read."""
@@ -79,12 +80,8 @@ def plan(
 ) -> Plan:
     """Plan the work for a study.
 
-    Args:
-        study: the study.
-        records: rows of the store with `file`, `status`, `settings`, `sha256`, `bytes`, `modified` and `inode`.
-        shard: part of the files to process, such as (2, 3) for the second of three.
-        retry: fit rejected and failed runs again.
-        store: the folder of the store, which is excluded from the search for runs.
+    `records` are the rows of the store that is in the folder `store`, where no runs are searched. `shard` and `retry`
+    are as of `batch`.
 
     Raises:
         UsageError: no files.
@@ -188,10 +185,7 @@ def _chunks(study: Study, jobs: Sequence[Job]) -> Iterator[Chunk]:
     for group in groups.values():
         by_size = sorted(group, key=lambda job: job.signature.bytes)
         for block in blocks(len(group), parts):
-            chunk: list[Job] = []
-            for job in by_size[block.start : block.stop]:
-                if chunk and sum(j.signature.bytes for j in (*chunk, job)) > _LARGEST:
-                    yield tuple(chunk)
-                    chunk = []
-                chunk.append(job)
-            yield tuple(chunk)
+            members = by_size[block.start : block.stop]
+            totals = itertools.accumulate(job.signature.bytes for job in members)
+            for _, pairs in itertools.groupby(zip(members, totals, strict=True), lambda pair: pair[1] // _LARGEST):
+                yield tuple(job for job, _ in pairs)

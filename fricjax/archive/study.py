@@ -228,13 +228,9 @@ def versions() -> Mapping[str, str]:
 
 _ANY = Rule()
 DEFAULTS: Mapping[str, Any] = {
-    "nuisance": None,
+    **dict.fromkeys(("nuisance", "bounds", "priors", "tie", "guess")),
     "engine": "auto",
     "start": "first_reversal",
-    "bounds": None,
-    "priors": None,
-    "tie": None,
-    "guess": None,
     "loss": "squares",
     "noise": "auto",
 }

@@ -1,13 +1,9 @@
 """Study defined by a file, `study.toml`.
 
     friction = ["coulomb", "coulomb+quadraticdrag"]
-    free = ["mu", "damping", "stiffness"]
     rig = "rig.toml"
-    facts = ["load_{load}N/run_{number}.csv"]
-    exclude = ["calibration/**"]
-
-    [reading]
-    unit = "um"
+    facts = "load_{load}N/run_{number}.csv"
+    reading = { unit = "um" }
 
     [[runs]]
     pattern = "lab_b/**"
@@ -44,11 +40,11 @@ class _StudyFile:
     """Keys of a study file."""
 
     root: str = "."
-    friction: str | list[str] = "coulomb"
-    free: str | list[str] | None = None
-    include: str | list[str] = field(default_factory=list)
-    exclude: str | list[str] = field(default_factory=list)
-    facts: str | list[str] = field(default_factory=list)
+    friction: list[str] = field(default_factory=lambda: ["coulomb"])
+    free: list[str] | None = None
+    include: list[str] = field(default_factory=list)
+    exclude: list[str] = field(default_factory=list)
+    facts: list[str] = field(default_factory=list)
     rig: str | None = None
     restoring: str | None = None
     mass: str | float | None = None
@@ -58,7 +54,7 @@ class _StudyFile:
     fix: dict[str, float] = field(default_factory=dict)
     engine: str = "auto"
     start: str | float = "first_reversal"
-    nuisance: str | list[str] | None = None
+    nuisance: list[str] | None = None
     loss: str = "squares"
     noise: str = "auto"
     guess: dict[str, float] = field(default_factory=dict)
@@ -99,7 +95,13 @@ def read_study(path: str | Path) -> Study:
         raise UsageError(words) from error
 
 
-_KINDS = {str: "a text in quotes", float: "a number", bool: "true or false", list: "a list", dict: "a table"}
+_KINDS = {
+    str: "a text in quotes",
+    float: "a number",
+    bool: "true or false",
+    list[str]: "a text in quotes or a list",
+    list[_Runs]: "a list",
+}
 
 
 def _checked(place: str, value: Any, kind: Any) -> Any:
@@ -111,13 +113,15 @@ def _checked(place: str, value: Any, kind: Any) -> Any:
             return value
         if origin is float and type(value) is int:
             return float(value)
+        if each == list[str] and isinstance(value, str):
+            return [value]
         if isinstance(value, list) and origin is list:
             return [_checked(f"{place}[{i}]", item, inner[0]) for i, item in enumerate(value, 1)]
         if isinstance(value, dict) and origin is dict:
             return {name: _checked(f"{place}.{name}", item, inner[1]) for name, item in value.items()}
         if isinstance(value, dict) and is_dataclass(each):
             return _table(f"{place}.", value, each)
-    words = [_KINDS.get(get_origin(each) or each, "a table") for each in kinds if each is not types.NoneType]
+    words = [_KINDS.get(each, "a table") for each in kinds if each is not types.NoneType]
     raise UsageError(f"'{place}' must be {' or '.join(words)}, got {brief(value)}.")
 
 
@@ -140,11 +144,10 @@ def _study(folder: Path, asked: _StudyFile) -> Study:
     from ..rig import Rig
 
     settings = {
-        "nuisance": None if asked.nuisance is None else _texts(asked.nuisance),
         "bounds": {name: parsing.span(f"bounds.{name}", text) for name, text in asked.bounds.items()},
         "priors": {name: parsing.estimate(f"priors.{name}", text) for name, text in asked.priors.items()},
         "tie": {name: parsing.tied(text) for name, text in asked.tie.items()},
-        **{name: getattr(asked, name) for name in ("start", "guess", "loss", "noise")},
+        **{name: getattr(asked, name) for name in ("nuisance", "start", "guess", "loss", "noise")},
     }
     # If rules have rigs and the study has no machine, validate the study with the first of these rigs.
     rigs = [runs.rig for runs in asked.runs if runs.rig]
@@ -157,9 +160,9 @@ def _study(folder: Path, asked: _StudyFile) -> Study:
         "rig": None if rig is None else folder / rig,
         "fix": [f"{name}={value!r}" for name, value in asked.fix.items()] or None,
     }
-    free = None if asked.free is None else ",".join(_texts(asked.free))
+    free = None if asked.free is None else ",".join(asked.free)
     choices = {}
-    for friction in _texts(asked.friction):
+    for friction in asked.friction:
         options: Any = SimpleNamespace(**{**machine, "friction": friction})
         choice = choose(options, free, tuple(settings["tie"]))
         check_settings(choice.model, choice.free, 1, {**settings, "sigma_mode": "absolute"})
@@ -174,15 +177,11 @@ def _study(folder: Path, asked: _StudyFile) -> Study:
     return Study(
         folder / asked.root,
         tuple(Law(name, choice.oscillator, choice.free) for name, choice in choices.items()),
-        include=tuple(_texts(asked.include)),
-        exclude=tuple(_texts(asked.exclude)),
+        include=tuple(asked.include),
+        exclude=tuple(asked.exclude),
         rules=tuple(rules),
-        facts=tuple(_texts(asked.facts)),
+        facts=tuple(asked.facts),
         settings={**settings, "engine": first.engine},
         calibrated=base is not None,
         residuals=asked.residuals,
     )
-
-
-def _texts(value: str | list[str]) -> list[str]:
-    return [value] if isinstance(value, str) else value

@@ -48,35 +48,23 @@ REMEMBERED = ["file", "status", "settings", "sha256", "bytes", "modified", "inod
 """Columns that a plan needs."""
 
 
-def arrow() -> Any:
-    """Import pyarrow, or raise a `UsageError` that names the extra."""
-    needed("An archive", "pyarrow.parquet", "batch")
-    return needed("An archive", "pyarrow", "batch")
-
-
 def of_rows(rows: Sequence[Mapping[str, Any]]) -> Any:
     """Convert rows to an Arrow table; parameter columns keep their order."""
-    pa = arrow()
+    pa = needed("An archive", "pyarrow", "batch")
     named = dict.fromkeys(name for row in rows for name in row)
     parameters = {name: "float64" for name in named if name not in COLUMNS}
     types = {"string": pa.string(), "int64": pa.int64(), "float64": pa.float64(), "list": pa.list_(pa.float32())}
     kinds = {**_BEFORE, **parameters, **_AFTER, **_LAST}
-    columns = [pa.array([row.get(name) for row in rows], types[kind]) for name, kind in kinds.items()]
-    return pa.table(columns, pa.schema(list(zip(kinds, (types[k] for k in kinds.values()), strict=True))))
+    return pa.table({name: pa.array([row.get(name) for row in rows], types[kind]) for name, kind in kinds.items()})
 
 
 def joined(tables: Sequence[tuple[str, Any]], facts: Sequence[str], root: Path | None = None) -> Any:
-    """Merge parts, keeping the newest rows of each file and law.
+    """Merge named parts, oldest first, into one table sorted by file.
 
-    The rows are sorted by file.
-
-    Args:
-        tables: the parts with their names, from oldest to newest.
-        facts: path templates of the fact columns.
-        root: the folder of the files. If a file is missing there and its bytes exist under another path, it was moved,
-            and its records are dropped.
+    The newest rows of each file and law remain, and `facts` are the templates of further columns. If a file is missing
+    in the folder `root` and its bytes exist under another path, it was moved, and its records are dropped.
     """
-    pa = arrow()
+    pa = needed("An archive", "pyarrow", "batch")
     origin = [number for number, (_, table) in enumerate(tables) for _ in range(table.num_rows)]
     bare = [without_facts(table).replace_schema_metadata() for _, table in tables]
     table = pa.concat_tables(bare, promote_options="default")

@@ -3,6 +3,7 @@
 Runs of equal shape share a compiled program. No file raises an error here: each run gets a row that gives its outcome.
 """
 
+import contextlib
 import dataclasses
 import hashlib
 import os
@@ -88,8 +89,8 @@ class Work:
             with warnings.catch_warnings():
                 # The record and its row already contain the assumptions of the reader.
                 warnings.simplefilter("ignore")
-                found = read(path, **{"run": "all", **self.study.rule_of(job.file).reading})
-            records = found if isinstance(found, list) else [found]
+                runs = read(path, **{"run": "all", **self.study.rule_of(job.file).reading})
+            records = runs if isinstance(runs, list) else [runs]
             if signature_of(path) != job.signature and hash_of(path) != sha256:
                 raise DataError(f"{path.name} was written to while it was read. Start again when it is complete.")
         except Exception as error:
@@ -183,27 +184,20 @@ def _facts_of(record: Record | Exception) -> dict[str, Any]:
     """Return the columns known of a run before its fit."""
     if isinstance(record, Exception):
         return {}
-    facts: dict[str, Any] = {
-        "run": str(record.meta.get("run") or ""),
-        "quantity": record.quantity,
-        "samples": len(record),
-        "rate": record.rate,
-        "duration": record.duration,
-    }
+    facts: dict[str, Any] = {name: getattr(record, name) for name in ("quantity", "rate", "duration")}
+    facts |= {"run": str(record.meta.get("run") or ""), "samples": len(record)}
     if record.meta.get("measured_at"):
         facts["measured_at"] = str(record.meta["measured_at"])
     t, x, known = record.t - record.t[0], record.x, record.mask
     middle = float(np.median(x[known])) if known.any() else 0.0
     # The fit rejects a record that is no decay, with its reason.
-    try:
+    with contextlib.suppress(DataError):
         segmentation = record.segmentation
         middle = equilibrium(segmentation)
         facts["reversal_t"] = segmentation.turning_times - record.t[0]
         facts["reversal_x"] = segmentation.turning_points - middle
         if segmentation.turning_points.size:
             facts["amplitude"] = abs(float(segmentation.turning_points[0]) - middle)
-    except DataError:
-        pass
     chosen = few(t.size)
     return {**facts, "sketch_t": t[chosen], "sketch_x": np.where(known, x - middle, np.nan)[chosen]}
 
