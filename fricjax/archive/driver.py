@@ -26,15 +26,12 @@ from .work import Work
 
 type Tell = Callable[[int, int, Mapping[str, int]], None]
 
-FREE = ("mu", "damping", "stiffness")
-"""Default free coefficients, which a decay on a spring determines."""
-
 
 def batch(
     runs: str | os.PathLike[str] | Iterable[str | os.PathLike[str]] | Study,
     out: str | os.PathLike[str],
     oscillator: Any = None,
-    free: Sequence[str] = FREE,
+    free: Sequence[str] = ("mu", "damping", "stiffness"),
     *,
     retry_failed: bool = False,
     shard: tuple[int, int] = (1, 1),

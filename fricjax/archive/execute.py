@@ -1,8 +1,8 @@
 """Execution of chunks by threads of this process, or by Dask workers.
 
 Both are pools of :mod:`concurrent.futures`, so one loop serves them. Workers read the files and return rows, and only
-this process writes them. If a worker is lost, another one repeats its chunk. The files of a chunk that kills its workers
-run alone. A file that still kills its worker gets the status failed, and the others are fitted.
+this process writes them. If a worker is lost, another one repeats its chunk. If a chunk kills its workers, its files
+run alone; a file that still kills its worker gets the status failed.
 
 Dask transmits Python objects: access to its ports allows running arbitrary code. Connections between local processes
 are therefore encrypted with keys known only to them. A running scheduler is as safe as its configuration.

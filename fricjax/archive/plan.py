@@ -7,11 +7,12 @@ that was moved, copied or touched is recognised by the hash of its bytes.
 import hashlib
 import itertools
 import os
-import time
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
+
+import numpy as np
 
 from ..data import plugins
 from ..data.files import check_regular, printable
@@ -133,8 +134,7 @@ def signature_of(path: Path) -> Signature:
 
 def iso_time(nanoseconds: int) -> str:
     """Format nanoseconds since 1970 as exact ISO text in UTC."""
-    seconds, rest = divmod(nanoseconds, 10**9)
-    return f"{time.strftime('%Y-%m-%dT%H:%M:%S', time.gmtime(seconds))}.{rest:09d}Z"
+    return f"{np.datetime64(nanoseconds, 'ns')}Z"
 
 
 def hash_of(path: Path) -> str:

@@ -9,7 +9,6 @@ Files are written atomically. A row in a part is finished; after a crash, the ne
 """
 
 import contextlib
-import errno
 import io
 import json
 import os
@@ -25,7 +24,7 @@ from ..data.files import content
 from ..errors import DataError, UsageError, brief, needed, path_of
 from ..show.files import write_bytes, write_text
 from .study import SCHEMA, Study
-from .table import REMEMBERED, joined, note, of_rows, without_facts
+from .table import joined, note, of_rows, without_facts
 
 try:
     import fcntl
@@ -38,7 +37,6 @@ _PART = re.compile(r"\d{20}-[0-9a-f]{8}\.parquet")
 _LARGEST = 10_000_000
 # Seconds before another attempt to lock; a status query holds the lock only for a moment.
 _GLANCE = 0.05
-_IN_USE = (errno.EWOULDBLOCK, errno.EAGAIN, errno.EACCES)
 
 
 class Store:
@@ -153,7 +151,8 @@ class Store:
 
     def records(self) -> list[dict[str, Any]]:
         """Return the columns of each row that a plan needs."""
-        return self.table().select(REMEMBERED).to_pylist() if self.exists else []
+        columns = ["file", "status", "settings", "sha256", "bytes", "modified", "inode"]
+        return self.table().select(columns).to_pylist() if self.exists else []
 
     def relabel(self, moved: Mapping[tuple[str, str], Sequence[Mapping[str, Any]]]) -> None:
         """Write new columns of moved files, by hash and settings."""
@@ -223,10 +222,10 @@ def _lock(file: IO[str], exclusive: bool) -> bool:
         try:
             fcntl.flock(file, kind | fcntl.LOCK_NB)
             return True
-        except OSError as error:
-            if error.errno not in _IN_USE:
-                return True
+        except (BlockingIOError, PermissionError):
             time.sleep(patience)
+        except OSError:
+            return True
     return False
 
 

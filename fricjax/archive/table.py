@@ -44,8 +44,6 @@ STATUSES = ("ok", "invalid", "rejected", "failed")
 """Status of a run: valid fit, fit that should not be trusted, no valid data, or unexpected error."""
 COLUMNS = (*_BEFORE, *_AFTER, *_LAST)
 """Columns of every table; those of parameters and facts are placed between them."""
-REMEMBERED = ["file", "status", "settings", "sha256", "bytes", "modified", "inode"]
-"""Columns that a plan needs."""
 
 
 def of_rows(rows: Sequence[Mapping[str, Any]]) -> Any:
@@ -73,8 +71,7 @@ def joined(tables: Sequence[tuple[str, Any]], facts: Sequence[str], root: Path |
     kept = [i for i, number in enumerate(origin) if newest[places[i], laws[i]] == number]
     copies = Counter(keys[i] for i in kept)
     if root is not None:
-        gone = lambda i: copies[keys[i]] > 1 and not os.path.lexists(root / places[i])
-        kept = [i for i in kept if not gone(i)]
+        kept = [i for i in kept if copies[keys[i]] == 1 or os.path.lexists(root / places[i])]
     kept.sort(key=lambda i: (places[i], laws[i]))
     parameters = [name for name in table.column_names if name not in COLUMNS]
     columns = _fact_columns([facts_in(facts, places[i]) for i in kept])
