@@ -33,7 +33,9 @@ class Archive(Reported):
 
     Examples:
         >>> import fricjax as fj
-        >>> archive = fj.batch([fj.data.example_paths().run], "results", rig=fj.data.example_paths().rig)
+        >>> machine = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.Coulomb(0.05))
+        >>> _ = fj.write(fj.synthetic_run(machine, 2e-3, rate=2e3, duration=0.6, noise=1e-9, seed=0), "run.csv")
+        >>> archive = fj.batch("run.csv", "results", machine)
         >>> archive
         Archive('results', 1 rows of 1 files: 1 ok)
         >>> archive.failures().empty
@@ -47,7 +49,7 @@ class Archive(Reported):
         self.path = store.path
         self.description = store.description()
         self.driver = store.driver()
-        self.table = store.table()
+        self.table, _ = store.merged()
 
     def __len__(self) -> int:
         return self.table.num_rows
@@ -111,9 +113,8 @@ class Archive(Reported):
         for name in names:
             if name not in self.table.column_names:
                 known = self.table.drop_columns(PICTURES).column_names
-                raise UsageError(
-                    f"The archive has no column {name!r}.{nearest(name, known)} It has {', '.join(known)}."
-                )
+                words = f"{nearest(name, known)} It has {', '.join(known)}."
+                raise UsageError(f"The archive has no column {name!r}.{words}")
 
     def query(self, sql: str) -> "DataFrame":
         """Query the table, named ``runs``, by SQL without access to other data.
@@ -227,7 +228,9 @@ def results(path: str | os.PathLike[str]) -> "DataFrame":
 
     Examples:
         >>> import fricjax as fj
-        >>> _ = fj.batch([fj.data.example_paths().run], "one", rig=fj.data.example_paths().rig)
+        >>> machine = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.Coulomb(0.05))
+        >>> _ = fj.write(fj.synthetic_run(machine, 2e-3, rate=2e3, duration=0.6, noise=1e-9, seed=0), "run.csv")
+        >>> _ = fj.batch("run.csv", "one", machine)
         >>> fj.archive.results("one")["status"].tolist()
         ['ok']
     """

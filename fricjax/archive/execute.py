@@ -117,11 +117,11 @@ def attempt(work: Work, chunk: Chunk) -> Done:
 
 
 def _results(
-    pool: Any, room: Callable[[], int], chunks: Sequence[Chunk], work: Work, death: Any = ()
+    pool: Any, room: Callable[[], int], chunks: Sequence[Chunk], work: Work, death: tuple[type[Exception], ...] = ()
 ) -> Generator[tuple[Chunk, Done]]:
     """Yield the result of each chunk, in any order.
 
-    At most `room()` chunks are in the pool. The exception `death` of a chunk means that it killed its workers.
+    At most `room()` chunks are in the pool. An exception of `death` means that a chunk killed its workers.
     """
     suspects: list[Chunk] = []
     for chunk, done in _completed(pool, room, chunks, work, death):
@@ -134,7 +134,7 @@ def _results(
 
 
 def _completed(
-    pool: Any, room: Callable[[], int], chunks: Sequence[Chunk], work: Work, death: Any
+    pool: Any, room: Callable[[], int], chunks: Sequence[Chunk], work: Work, death: tuple[type[Exception], ...]
 ) -> Generator[tuple[Chunk, Done | None]]:
     """Yield each chunk with its result, None if it killed its workers.
 
@@ -156,11 +156,9 @@ def _completed(
                 rest, interrupt = iter(()), error
                 continue
             for future in ended:
-                chunk = flying.pop(future)
-                try:
+                chunk, done = flying.pop(future), None
+                with contextlib.suppress(*death):
                     done = future.result()
-                except death:
-                    done = None
                 yield chunk, done
         if interrupt is not None:
             raise interrupt
@@ -188,7 +186,7 @@ def _by_dask(where: int | str) -> Executor:
             # Workers may join and leave.
             room = lambda: _AHEAD * max(1, sum(client.ncores().values()))
             try:
-                yield from _results(pool, room, chunks, dataclasses.replace(work, study=study), KilledWorker)
+                yield from _results(pool, room, chunks, dataclasses.replace(work, study=study), (KilledWorker,))
             except (OSError, CancelledError) as error:
                 raise UsageError(
                     "The scheduler of the workers is gone. Finished chunks are kept: restart it, then repeat this "

@@ -109,8 +109,8 @@ def plan(
         sha256 = same = known.get(name, {}).get(signature, "")
         if not same and signature.bytes in sizes:
             sha256 = hash_of(study.root / file)
-        settings = [study.settings_of(law, file) for law in study.laws]
-        laws = tuple(i for i, digest in enumerate(settings) if not sha256 or (sha256, digest) not in fitted)
+        settings = [sha256 and study.settings_of(law, file) for law in study.laws]
+        laws = tuple(i for i, digest in enumerate(settings) if (sha256, digest) not in fitted or not sha256)
         done += not laws
         if laws:
             jobs.append(Job(file, signature, laws))

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 def parameter_figure(table: "DataFrame", name: str, against: str) -> Any:
     """Plot a parameter of the ok rows with its combined standard errors.
 
-    Each law has its own colour.
-
     Raises:
         UsageError: a column without numbers.
     """
@@ -53,12 +51,9 @@ _PLAIN_UNITS = {
 
 
 def unit_of(name: str, laws: Sequence[str], quantity: str = "m") -> str:
-    """Return the SI unit of a column.
+    """Return the SI unit of a column of a table.
 
-    Args:
-        name: name of a parameter, of a kinematic quantity, or of another column.
-        laws: friction laws of the table, named as on the command line; their coefficients are searched.
-        quantity: "m", or "rad" for a rotary rig.
+    `laws` are the laws of the table; `quantity` is the unit of the displacement: "m", or "rad" for a rotary rig.
     """
     from .. import friction
     from ..friction.catalogue import CATALOGUE

@@ -152,11 +152,11 @@ class Store:
     def records(self) -> list[dict[str, Any]]:
         """Return the columns of each row that a plan needs."""
         columns = ["file", "status", "settings", "sha256", "bytes", "modified", "inode"]
-        return self.table().select(columns).to_pylist() if self.exists else []
+        return self.merged()[0].select(columns).to_pylist() if self.exists else []
 
     def relabel(self, moved: Mapping[tuple[str, str], Sequence[Mapping[str, Any]]]) -> None:
         """Write new columns of moved files, by hash and settings."""
-        table = without_facts(self.table())
+        table = without_facts(self.merged()[0])
         pairs = zip(table.column("sha256").to_pylist(), table.column("settings").to_pylist(), strict=True)
         rows = table.take([i for i, pair in enumerate(pairs) if pair in moved]).to_pylist()
         # Files with the same bytes have equal rows except for these columns.
@@ -167,20 +167,16 @@ class Store:
     def write_table(self, root: Path) -> None:
         """Merge all parts into the table unless it is up to date."""
         # If two drivers write at once, the last table wins; it names its parts, and the others are read again.
-        table, current = self._merged(root)
+        table, current = self.merged(root)
         if not current:
             write_bytes(self.path / _TABLE, _parquet(table), overwrite=True)
 
-    def table(self) -> Any:
-        """Return all rows, including parts not yet merged.
+    def merged(self, root: Path | None = None) -> tuple[Any, bool]:
+        """Return all rows, and whether the stored table has all of them.
 
         Raises:
             DataError: no store, or a damaged file.
         """
-        return self._merged()[0]
-
-    def _merged(self, root: Path | None = None) -> tuple[Any, bool]:
-        """Return all rows, and whether the stored table has all of them."""
         facts, tables = self.description()["facts"], []
         if (self.path / _TABLE).is_file():
             tables.append(("", _read(self.path / _TABLE)))

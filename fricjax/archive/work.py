@@ -83,14 +83,13 @@ class Work:
         path = self.study.root / job.file
         sha256 = hash_of(path)
         columns = self._columns(job, sha256)
-        records: Sequence[Record | Exception]
         try:
             _check_file(self.study, job)
             with warnings.catch_warnings():
                 # The record and its row already contain the assumptions of the reader.
                 warnings.simplefilter("ignore")
                 runs = read(path, **{"run": "all", **self.study.rule_of(job.file).reading})
-            records = runs if isinstance(runs, list) else [runs]
+            records: list[Record | Exception] = [*runs] if isinstance(runs, list) else [runs]
             if signature_of(path) != job.signature and hash_of(path) != sha256:
                 raise DataError(f"{path.name} was written to while it was read. Start again when it is complete.")
         except Exception as error:
