@@ -238,10 +238,7 @@ def results(path: str | os.PathLike[str]) -> "DataFrame":
 
 
 def write_csv(table: "DataFrame", path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
-    """Write a data frame as CSV with escaped formulas.
-
-    Text that a spreadsheet would evaluate gets a leading quote.
-    """
+    """Write a data frame as CSV, with formulas as text."""
     from ..show.files import write_text
 
     text = table.map(_escaped).rename(columns=lambda name: _escaped(str(name)))

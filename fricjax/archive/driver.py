@@ -138,7 +138,7 @@ def _check(study: Study) -> None:
 
 def _fit(study: Study, store: Store, planned: Plan, execute: Executor, tell: Tell | None) -> None:
     """Fit the planned files; write each chunk before reporting the next."""
-    total, ended, counts = len(planned.jobs), 0, dict.fromkeys(map(str, STATUSES), 0)
+    total, ended, counts = sum(map(len, planned.chunks)), 0, dict.fromkeys(map(str, STATUSES), 0)
     results = execute(planned.chunks, Work(study))
     with working("Fitting files", total) as task, contextlib.closing(results):
         for chunk, done in results:

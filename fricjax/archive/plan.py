@@ -65,11 +65,6 @@ class Plan(NamedTuple):
     changed: tuple[str, ...]
     links: tuple[str, ...]
 
-    @property
-    def jobs(self) -> list[Job]:
-        """Files to fit."""
-        return [job for chunk in self.chunks for job in chunk]
-
 
 def plan(
     study: Study,
@@ -83,9 +78,6 @@ def plan(
 
     `records` are the rows of the store that is in the folder `store`, where no runs are searched. `shard` and `retry`
     are as of `batch`.
-
-    Raises:
-        UsageError: no files.
     """
     files, links = (list(study.files), []) if study.files is not None else _files_below(study, store)
     if not files:

@@ -15,11 +15,7 @@ if TYPE_CHECKING:
 
 
 def parameter_figure(table: "DataFrame", name: str, against: str) -> Any:
-    """Plot a parameter of the ok rows with its combined standard errors.
-
-    Raises:
-        UsageError: a column without numbers.
-    """
+    """Plot a parameter of the ok rows with its combined standard errors."""
     for column in (name, against):
         if column != "run" and table[column].dtype.kind not in "fiu":
             raise UsageError(f"The column {column!r} holds no numbers, and cannot be drawn.")

@@ -77,11 +77,7 @@ class Store:
             write_text(self.path / _STUDY, json.dumps(asked, indent=1) + "\n", overwrite=True)
 
     def check(self, study: Study) -> dict[str, Any]:
-        """Return the description of a study with all stored laws.
-
-        Raises:
-            UsageError: the store holds the records of another study.
-        """
+        """Return the description of a study with all stored laws."""
         asked = json.loads(json.dumps(study.described(), default=repr))
         if not self.exists:
             return asked
@@ -135,11 +131,7 @@ class Store:
         return ""
 
     def write_part(self, table: Any, files: Mapping[str, bytes] | None = None) -> None:
-        """Write finished rows, after the netCDF files of their residuals by key.
-
-        Raises:
-            OSError: the files cannot be written; then no row is written either.
-        """
+        """Write finished rows, after the netCDF files of their residuals by key."""
         for folder in (_PARTS, _RUNS) if files else (_PARTS,):
             (self.path / folder).mkdir(exist_ok=True)
         for key, content_ in (files or {}).items():
@@ -172,11 +164,7 @@ class Store:
             write_bytes(self.path / _TABLE, _parquet(table), overwrite=True)
 
     def merged(self, root: Path | None = None) -> tuple[Any, bool]:
-        """Return all rows, and whether the stored table has all of them.
-
-        Raises:
-            DataError: no store, or a damaged file.
-        """
+        """Return all rows, and whether the stored table has all of them."""
         facts, tables = self.description()["facts"], []
         if (self.path / _TABLE).is_file():
             tables.append(("", _read(self.path / _TABLE)))

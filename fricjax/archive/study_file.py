@@ -67,21 +67,10 @@ class _StudyFile:
 
 
 def read_study(path: str | Path) -> Study:
-    r"""Read the study that a file defines.
+    """Read the study that a file defines.
 
     Raises:
-        UsageError: missing file, invalid TOML, an unknown key, or an invalid value; the message names file, key and
-            value.
-
-    Examples:
-        >>> from pathlib import Path
-        >>> import fricjax as fj
-        >>> _ = Path("rig.toml").write_text(fj.data.example_paths().rig.read_text())
-        >>> _ = Path("study.toml").write_text('rig = "rig.toml"\nfrictoin = "coulomb"')
-        >>> read_study("study.toml")
-        Traceback (most recent call last):
-        ...
-        fricjax.errors.UsageError: study.toml: there is no key 'frictoin' in a study file. Did you mean 'friction'? ...
+        UsageError: a missing or invalid file; the message names file, key and value.
     """
     file = Path(path)
     table = read_toml(file, "study")

@@ -234,7 +234,7 @@ def text_of(archive: "Archive") -> str:
 
 
 def _plan_data(planned: "Plan") -> dict[str, Any]:
-    jobs = planned.jobs
+    jobs = [job for chunk in planned.chunks for job in chunk]
     sizes = {
         "files": len(planned.files),
         "done": planned.done,

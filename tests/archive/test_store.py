@@ -181,8 +181,8 @@ def test_failed_runs_are_tried_again_on_request(study, tmp_path):
 
 
 def test_shards_share_the_files(study):
-    files = [[job.file for job in plan(study, shard=(part, 3)).jobs] for part in (1, 2, 3)]
-    assert sorted(file for part in files for file in part) == [f"run_{number}.csv" for number in range(8)]
+    chunks = [chunk for part in (1, 2, 3) for chunk in plan(study, shard=(part, 3)).chunks]
+    assert sorted(job.file for chunk in chunks for job in chunk) == [f"run_{number}.csv" for number in range(8)]
 
 
 def test_hidden_files_stores_and_loops_are_no_runs(study, tmp_path):
