@@ -229,8 +229,8 @@ def results(path: str | os.PathLike[str]) -> "DataFrame":
     Examples:
         >>> import fricjax as fj
         >>> machine = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.Coulomb(0.05))
-        >>> _ = fj.write(fj.synthetic_run(machine, 2e-3, rate=2e3, duration=0.6, noise=1e-9, seed=0), "run.csv")
-        >>> _ = fj.batch("run.csv", "one", machine)
+        >>> _ = fj.write(fj.synthetic_run(machine, 2e-3, rate=2e3, duration=0.6, noise=1e-9, seed=0), "one.csv")
+        >>> _ = fj.batch("one.csv", "one", machine)
         >>> fj.archive.results("one")["status"].tolist()
         ['ok']
     """
