@@ -32,7 +32,7 @@ class Idle(Work):
     def __call__(self, chunk: Chunk) -> Done:
         picture = {name: np.zeros(POINTS) for name in ("sketch_t", "sketch_x", "sketch_residual")}
         numbers = {f"number_{i}": 0.1 * i for i in range(50)}
-        return Done([{"file": job.file, "status": "ok", **picture, **numbers} for job in chunk.jobs], {})
+        return Done([{"file": job.file, "status": "ok", **picture, **numbers} for job in chunk], {})
 
 
 def main() -> None:
@@ -42,8 +42,8 @@ def main() -> None:
     options = parser.parse_args()
     machine = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.Coulomb(0.05))
     study = Study(Path.cwd(), (Law("coulomb", machine, ("mu", "damping", "stiffness")),))
-    jobs = [Job(f"run_{i}.npz", Signature(0, "", 0), {}, (0,)) for i in range(options.runs)]
-    chunks = [Chunk(tuple(jobs[i : i + CHUNK])) for i in range(0, options.runs, CHUNK)]
+    jobs = [Job(f"run_{i}.npz", Signature(0, "", 0), (0,)) for i in range(options.runs)]
+    chunks = [tuple(jobs[i : i + CHUNK]) for i in range(0, options.runs, CHUNK)]
     results = workers(options.workers)(chunks, Idle(study))
     done = len(next(results)[0])
     begin, computing = time.perf_counter(), time.process_time()

@@ -23,8 +23,7 @@ import numpy as np
 
 import fricjax as fj
 from fricjax.archive import Law, Study
-from fricjax.archive.driver import plan_of, process
-from fricjax.archive.plan import Chunk
+from fricjax.archive.driver import plan_of
 from fricjax.archive.work import Done
 
 jax.config.update("jax_enable_x64", True)
@@ -90,8 +89,8 @@ class Copies:
     def __call__(self, chunks, work):
         for chunk in chunks:
             if self.row is None:
-                (self.row,) = work(Chunk(chunk.jobs[:1])).rows
-            rows = [{**self.row, "file": job.file, "key": job.file, **job.signature._asdict()} for job in chunk.jobs]
+                (self.row,) = work(chunk[:1]).rows
+            rows = [{**self.row, "file": job.file, "key": job.file, **job.signature._asdict()} for job in chunk]
             yield chunk, Done(rows, {})
 
 
@@ -107,15 +106,15 @@ def many(place: Path, files: int) -> None:
     study = Study(folder, (Law("coulomb", MACHINE, FREE),), facts=("day_{day}/run_{number}.csv",))
     print(f"\n{files} files")
     print(f"plan                   {timed(lambda: plan_of(study, place / 'all')):7.2f} s  (target: 5)")
-    print(f"records and table      {timed(lambda: process(study, place / 'all', execute=Copies())):7.2f} s")
-    resume = timed(lambda: process(study, place / "all", execute=Copies()))
+    print(f"records and table      {timed(lambda: fj.batch(study, place / 'all', execute=Copies())):7.2f} s")
+    resume = timed(lambda: fj.batch(study, place / "all", execute=Copies()))
     print(f"resume, nothing to do  {resume:7.2f} s  (target: 3)")
     print(f"table as a data frame  {timed(lambda: fj.archive.results(place / 'all')):7.2f} s")
     size = sum(file.stat().st_size for file in (place / "all").rglob("*.parquet"))
     print(f"store                  {size / 1e6:7.1f} MB")
     for file in sorted(folder.rglob("*.csv")):
         os.utime(file)
-    print(f"all files touched      {timed(lambda: process(study, place / 'all', execute=Copies())):7.2f} s")
+    print(f"all files touched      {timed(lambda: fj.batch(study, place / 'all', execute=Copies())):7.2f} s")
     assert len(fj.archive.results(place / "all")) == files, dataclasses.asdict(study)
 
 

@@ -1,7 +1,6 @@
 from .archive import Archive, open_archive, results
-from .cluster import slurm
-from .distributed import scheduler, workers
 from .driver import batch, run
+from .execute import scheduler, workers
 from .study import Law, Rule, Study
 
 __all__ = [
@@ -14,6 +13,5 @@ __all__ = [
     "results",
     "run",
     "scheduler",
-    "slurm",
     "workers",
 ]

@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import DataError, UsageError, nearest, needed
 from ..show import Report, Reported, Style, Table, styled
 from .store import Store
-from .table import STATUSES
+from .table import PICTURES, STATUSES
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -34,18 +34,14 @@ class Archive(Reported):
     Examples:
         >>> import fricjax as fj
         >>> machine = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.Coulomb(0.05))
-        >>> runs = [f"run_{seed}.csv" for seed in range(3)]
-        >>> for seed, name in enumerate(runs):
-        ...     _ = fj.write(fj.synthetic_run(machine, 2e-3, rate=2e3, duration=0.6, noise=1e-9, seed=seed), name)
-        >>> archive = fj.batch(runs, "results", machine)
+        >>> _ = fj.write(fj.synthetic_run(machine, 2e-3, rate=2e3, duration=0.6, noise=1e-9, seed=0), "run.csv")
+        >>> archive = fj.batch("run.csv", "results", machine)
         >>> archive
-        Archive('results', 3 rows of 3 files: 3 ok)
+        Archive('results', 1 rows of 1 files: 1 ok)
         >>> archive.failures().empty
         True
-        >>> round(archive.population("mu").mean, 6)
-        0.05
         >>> archive.query("select count(*) as n from runs where status = 'ok'")["n"].tolist()
-        [3]
+        [1]
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
@@ -53,7 +49,7 @@ class Archive(Reported):
         self.path = store.path
         self.description = store.description()
         self.driver = store.driver()
-        self.table = store.table()
+        self.table, _ = store.merged()
 
     def __len__(self) -> int:
         return self.table.num_rows
@@ -95,49 +91,30 @@ class Archive(Reported):
             UsageError: unknown column, or several laws and no choice.
             DataError: fewer than three valid runs.
         """
-        laws = sorted(set(self.table.column("friction").to_pylist()))
+        table = self.table.drop_columns(PICTURES).to_pandas()
+        laws = sorted(set(table["friction"]))
         if friction is None and len(laws) > 1:
             raise UsageError(f"The archive holds rows of {', '.join(laws)}; choose one with friction=.")
         if friction is not None and friction not in laws:
             raise UsageError(f"There is no row of {friction!r}.{nearest(friction, laws)} There are {', '.join(laws)}.")
-        self._check_column(name, f"{name}_std")
-        rows = np.asarray(self.table.column("friction").to_pylist(), object) == (friction or (laws or [""])[0])
+        self._check_column(name, f"{name}_std", *([] if by is None else [by]))
+        rows = table[table["friction"].isin([friction] if friction else laws)]
         if by is None:
-            return self._population(name, rows)
-        self._check_column(by)
-        values = np.asarray(self.table.column(by).to_pylist(), object)
+            return _population(rows, name)
         groups = {}
-        for value in dict.fromkeys(v for v in values[rows] if v is not None and v == v):
-            try:
-                groups[value] = self._population(name, rows & (values == value))
-            except DataError:
-                continue
+        for value, group in rows.groupby(by):
+            with contextlib.suppress(DataError):
+                groups[value] = _population(group, name)
         if not groups:
             raise DataError(f"No value of {by} has three runs with a valid {name}.")
-        return dict(sorted(groups.items()))
-
-    def _population(self, name: str, rows: np.ndarray) -> "Population":
-        from ..fitting.population import population
-
-        ok = rows & (np.asarray(self.table.column("status").to_pylist(), object) == "ok")
-        value, std, combined = (self._numbers(column) for column in (name, f"{name}_std", f"{name}_combined_std"))
-        # The uncertainty of rig inputs is common to all runs, so it does not average out.
-        common = np.sqrt(np.maximum(combined**2 - std**2, 0.0))
-        chosen = np.flatnonzero(rows)
-        pooled = population(np.where(ok, value, np.nan)[chosen], std[chosen], [np.nan_to_num(common[chosen])])
-        numbered = {field: tuple(int(chosen[i]) for i in getattr(pooled, field)) for field in ("outliers", "left_out")}
-        return pooled._replace(**numbered)
-
-    def _numbers(self, name: str) -> np.ndarray:
-        return np.asarray(self.table.column(name).to_numpy(zero_copy_only=False), float)
+        return groups
 
     def _check_column(self, *names: str) -> None:
-        known = [name for name in self.table.column_names if not name.startswith(("sketch_", "reversal_"))]
         for name in names:
             if name not in self.table.column_names:
-                raise UsageError(
-                    f"The archive has no column {name!r}.{nearest(name, known)} It has {', '.join(known)}."
-                )
+                known = self.table.drop_columns(PICTURES).column_names
+                words = f"{nearest(name, known)} It has {', '.join(known)}."
+                raise UsageError(f"The archive has no column {name!r}.{words}")
 
     def query(self, sql: str) -> "DataFrame":
         """Query the table, named ``runs``, by SQL without access to other data.
@@ -153,9 +130,8 @@ class Archive(Reported):
                 connection.register("runs", self.table)
                 answer = connection.execute(sql)
                 if answer is None or connection.description is None:
-                    raise UsageError(
-                        'The query gives no rows; write for example "select file, mu from runs order by mu".'
-                    )
+                    example = '"select file, mu from runs order by mu"'
+                    raise UsageError(f"The query gives no rows; write for example {example}.")
                 return answer.df()
             except duckdb.Error as error:
                 words = " ".join(str(error).split())
@@ -168,8 +144,7 @@ class Archive(Reported):
             FileExistsError: the file exists and `overwrite` is False.
             OSError: the file cannot be written.
         """
-        pictures = [name for name in self.table.column_names if name.startswith(("sketch_", "reversal_"))]
-        return write_csv(self.table.drop_columns(pictures).to_pandas(), path, overwrite=overwrite)
+        return write_csv(self.table.drop_columns(PICTURES).to_pandas(), path, overwrite=overwrite)
 
     def plot(self, name: str = "mu", against: str = "run", *, style: Style = "screen") -> Any:
         """Plot a parameter of all ok runs with standard errors.
@@ -214,6 +189,18 @@ class Archive(Reported):
         return f"Archive({str(self.path)!r}, {len(self)} rows of {files} files: {counts or 'empty'})"
 
 
+def _population(rows: "DataFrame", name: str) -> "Population":
+    """Return the population of some rows, with row numbers of the table."""
+    from ..fitting.population import population
+
+    value, std, combined = (rows[f"{name}{end}"].to_numpy(float) for end in ("", "_std", "_combined_std"))
+    # The uncertainty of rig inputs is common to all runs, so it does not average out.
+    common = np.nan_to_num(np.sqrt(np.maximum(combined**2 - std**2, 0.0)))
+    pooled = population(np.where(rows["status"] == "ok", value, np.nan), std, [common])
+    numbered = {field: tuple(rows.index[list(getattr(pooled, field))].tolist()) for field in ("outliers", "left_out")}
+    return pooled._replace(**numbered)
+
+
 def open_archive(path: str | os.PathLike[str]) -> Archive:
     """Open a store made by `fricjax.batch` or ``fricjax batch``.
 
@@ -242,8 +229,8 @@ def results(path: str | os.PathLike[str]) -> "DataFrame":
     Examples:
         >>> import fricjax as fj
         >>> machine = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.Coulomb(0.05))
-        >>> _ = fj.write(fj.synthetic_run(machine, 2e-3, rate=2e3, duration=0.6, noise=1e-9, seed=0), "run.csv")
-        >>> _ = fj.batch(["run.csv"], "one", machine)
+        >>> _ = fj.write(fj.synthetic_run(machine, 2e-3, rate=2e3, duration=0.6, noise=1e-9, seed=0), "one.csv")
+        >>> _ = fj.batch("one.csv", "one", machine)
         >>> fj.archive.results("one")["status"].tolist()
         ['ok']
     """
@@ -251,20 +238,12 @@ def results(path: str | os.PathLike[str]) -> "DataFrame":
 
 
 def write_csv(table: "DataFrame", path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
-    """Write a data frame as CSV with escaped formulas.
-
-    Text that a spreadsheet would evaluate gets a leading quote.
-    """
+    """Write a data frame as CSV, with formulas as text."""
     from ..show.files import write_text
 
-    text = table.copy()
-    for name in text:
-        if not np.issubdtype(np.asarray(text[name]).dtype, np.number):
-            text[name] = [escaped(cell) for cell in text[name]]
-    text.columns = [escaped(str(name)) for name in text.columns]
+    text = table.map(_escaped).rename(columns=lambda name: _escaped(str(name)))
     return write_text(path, text.to_csv(index=False), overwrite=overwrite)
 
 
-def escaped(cell: Any) -> Any:
-    """Escape a cell that a spreadsheet would evaluate as a formula."""
+def _escaped(cell: Any) -> Any:
     return f"'{cell}" if isinstance(cell, str) and cell.startswith(_FORMULA) else cell

@@ -8,36 +8,34 @@ import os
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..errors import UsageError, first_of, nearest
+from ..fitting.parameters import shared_leaves
+from ..oscillator import ready
+from ..oscillator.oscillator import leaves_of
 from ..show.working import working
 from .archive import Archive, open_archive
+from .execute import Executor, in_this_process
 from .plan import Plan, plan
 from .store import Store
-from .study import DEFAULTS, Law, Rule, Study
+from .study import DEFAULTS, Law, Rule, Study, name_of
 from .study_file import read_study
 from .table import STATUSES, of_rows
+from .work import Work
 
-if TYPE_CHECKING:
-    from .execute import Executor
-
-type Runs = str | os.PathLike[str] | Iterable[str | os.PathLike[str]] | Study
 type Tell = Callable[[int, int, Mapping[str, int]], None]
-
-FREE = ("mu", "damping", "stiffness")
-"""Default free coefficients, which a decay on a spring determines."""
 
 
 def batch(
-    runs: Runs,
+    runs: str | os.PathLike[str] | Iterable[str | os.PathLike[str]] | Study,
     out: str | os.PathLike[str],
     oscillator: Any = None,
-    free: Sequence[str] = FREE,
+    free: Sequence[str] = ("mu", "damping", "stiffness"),
     *,
     retry_failed: bool = False,
     shard: tuple[int, int] = (1, 1),
-    execute: "Executor | None" = None,
+    execute: Executor | None = None,
     tell: Tell | None = None,
     **study: Any,
 ) -> Archive:
@@ -87,123 +85,59 @@ def batch(
     elif isinstance(runs, Study):
         name, asked = "The study", runs
     else:
-        name, asked = "", study_of(runs, oscillator, free, **study)
+        name, asked = "", _study_of(runs, oscillator, free, **study)
     if name and (oscillator is not None or study):
         raise UsageError(f"{name} already defines the model and its settings: leave the other arguments out.")
-    return process(asked, out, retry=retry_failed, shard=shard, execute=execute, tell=tell)
-
-
-run = batch
-"""Alias of `batch` as ``fricjax.archive.run``."""
-
-
-def study_of(
-    runs: str | os.PathLike[str] | Iterable[str | os.PathLike[str]],
-    oscillator: Any = None,
-    free: Sequence[str] = FREE,
-    *,
-    rig: Any = None,
-    reading: Mapping[str, Any] | None = None,
-    include: Sequence[str] = (),
-    exclude: Sequence[str] = (),
-    facts: Sequence[str] = (),
-    residuals: bool = False,
-    **settings: Any,
-) -> Study:
-    """Create the study of runs with one reader configuration and one rig.
-
-    Arguments are as in `batch`.
-
-    Raises:
-        UsageError: no runs, no oscillator, or an unknown setting.
-    """
-    for name in settings:
-        if name not in DEFAULTS:
-            known = ("rig", "reading", "include", "exclude", "facts", "residuals", *DEFAULTS)
-            raise UsageError(f"batch has no setting {name!r}.{nearest(name, known)} Known are {', '.join(known)}.")
-    name = ""
-    if isinstance(rig, str | os.PathLike):
-        from ..rig import Rig
-
-        rig, name = Rig.from_toml(Path(rig)), Path(rig).name
-    root, files = place_of(runs)
-    return Study(
-        root,
-        _laws(oscillator, rig, free),
-        files,
-        include=tuple(include),
-        exclude=tuple(exclude),
-        rules=(Rule("**", reading or {}, rig, name),),
-        facts=tuple(facts),
-        settings=settings,
-        residuals=residuals,
-    )
-
-
-def process(
-    study: Study,
-    out: str | os.PathLike[str],
-    *,
-    retry: bool = False,
-    shard: tuple[int, int] = (1, 1),
-    execute: "Executor | None" = None,
-    tell: Tell | None = None,
-) -> Archive:
-    """Process the files of a study that its store does not contain.
-
-    Arguments are as in `batch`.
-
-    Raises:
-        UsageError: as `batch`.
-        OSError: the store cannot be written.
-        KeyboardInterrupt: after Ctrl-C, once running chunks are written.
-    """
-    from ..oscillator import ready
-
     ready()
+    _check(asked)
     store = Store(out)
-    _check(study)
     with store.locked(shard):
-        store.begin(study)
-        records = store.records()
-        planned = plan(study, records, shard=shard, retry=retry, store=store.path)
+        store.begin(asked)
+        planned = plan(asked, store.records(), shard=shard, retry=retry_failed, store=store.path)
         if planned.links:
-            warnings.warn(
-                f"Links to folders are not followed: {first_of(planned.links)}. Give the folders themselves to fit "
-                "their runs.",
-                stacklevel=2,
-            )
+            words = f"Links to folders are not followed: {first_of(planned.links)}."
+            warnings.warn(f"{words} Give the folders themselves to fit their runs.", stacklevel=2)
         try:
-            _relabel(study, store, planned)
-            _do(study, store, planned, execute, tell)
+            if planned.moved:
+                store.relabel(planned.moved)
+            _fit(asked, store, planned, in_this_process if execute is None else execute, tell)
         except BaseException:
             # Also on a full disk: then only the table cannot be written, and no part is lost.
             with contextlib.suppress(OSError):
-                store.write_table(study.root)
+                store.write_table(asked.root)
             raise
         try:
-            store.write_table(study.root)
+            store.write_table(asked.root)
         except OSError as error:
             words = f"{error.strerror}. All files are done and their rows kept; start again to write the table"
             raise OSError(error.errno, words, error.filename) from error
     return open_archive(out)
 
 
+run = batch
+"""Alias of `batch` as ``fricjax.archive.run``."""
+
+
 def plan_of(study: Study, out: str | os.PathLike[str], *, retry: bool = False, shard: tuple[int, int] = (1, 1)) -> Plan:
-    """Return the plan of `process` without changing the store."""
+    """Return the plan of `batch` without changing the store."""
     store = Store(out)
     _check(study)
-    if store.exists:
-        store.check(study)
+    store.check(study)
     return plan(study, store.records(), shard=shard, retry=retry, store=store.path)
 
 
-def _do(study: Study, store: Store, planned: Plan, execute: "Executor | None", tell: Tell | None) -> None:
-    """Fit the planned files; write each chunk before reporting the next."""
-    from .execute import in_this_process
-    from .work import Work
+def _check(study: Study) -> None:
+    """Reject settings that fit no run, as in `fricjax.fit`."""
+    for law in study.laws:
+        for rule in study.rules or (Rule(),):
+            request = study.request(law, rule, float("nan"))
+            shared_leaves(request, leaves_of(request.oscillator))
+    for template in study.facts:
+        study.facts_of(template)
 
-    execute = in_this_process if execute is None else execute
+
+def _fit(study: Study, store: Store, planned: Plan, execute: Executor, tell: Tell | None) -> None:
+    """Fit the planned files; write each chunk before reporting the next."""
     total, ended, counts = sum(map(len, planned.chunks)), 0, dict.fromkeys(map(str, STATUSES), 0)
     results = execute(planned.chunks, Work(study))
     with working("Fitting files", total) as task, contextlib.closing(results):
@@ -222,56 +156,28 @@ def _do(study: Study, store: Store, planned: Plan, execute: "Executor | None", t
                 tell(ended, total, counts)
 
 
-def _relabel(study: Study, store: Store, planned: Plan) -> None:
-    """Update the records of files that were moved, copied or touched."""
-    from .plan import settings_of
+def _study_of(
+    runs: Any,
+    oscillator: Any,
+    free: Sequence[str],
+    rig: Any = None,
+    reading: Mapping[str, Any] | None = None,
+    include: Sequence[str] = (),
+    exclude: Sequence[str] = (),
+    facts: Sequence[str] = (),
+    residuals: bool = False,
+    **settings: Any,
+) -> Study:
+    """Create the study of runs with one reader configuration and one rig."""
+    for name in settings:
+        if name not in DEFAULTS:
+            known = ("rig", "reading", "include", "exclude", "facts", "residuals", *DEFAULTS)
+            raise UsageError(f"batch has no setting {name!r}.{nearest(name, known)} Known are {', '.join(known)}.")
+    rig_name = ""
+    if isinstance(rig, str | os.PathLike):
+        from ..rig import Rig
 
-    moved = []
-    for known in planned.known:
-        if known.moved:
-            rule = study.rule_of(known.file)
-            columns = {"file": known.file, "rig": rule.rig_name, **known.signature._asdict()}
-            moved += [(known.sha256, settings_of(study, law, rule, known.facts), columns) for law in study.laws]
-    if moved:
-        store.relabel(moved)
-
-
-def _check(study: Study) -> None:
-    """Reject settings that fit no run.
-
-    Raises:
-        UsageError: as in `fricjax.fit`.
-    """
-    from ..fitting.parameters import shared_leaves
-    from ..oscillator.oscillator import leaves_of
-
-    for law in study.laws:
-        for rule in study.rules or (Rule(),):
-            request = study.request(law, rule, float("nan"))
-            shared_leaves(request, leaves_of(request.oscillator))
-    for template in study.facts:
-        study.facts_of(template)
-
-
-def place_of(runs: Any) -> tuple[Path, tuple[str, ...] | None]:
-    """Return the common folder of runs and their relative paths.
-
-    The paths are None for all runs of a folder.
-    """
-    if isinstance(runs, str | os.PathLike):
-        path = Path(runs)
-        return (path.parent, (path.name,)) if path.is_file() else (path, None)
-    paths = [os.path.abspath(path) for path in runs]
-    if not paths:
-        raise UsageError("There is no run to fit: the list is empty.")
-    folders = [os.path.dirname(path) for path in paths]
-    root = os.path.commonpath(folders)
-    names = tuple(dict.fromkeys(Path(os.path.relpath(path, root)).as_posix() for path in paths))
-    return Path(root), names
-
-
-def _laws(oscillator: Any, rig: Any, free: Sequence[str]) -> tuple[Law, ...]:
-    """Return the laws of the oscillators, named as on the command line."""
+        rig, rig_name = Rig.from_toml(Path(rig)), Path(rig).name
     if oscillator is None:
         if rig is None:
             raise UsageError("batch needs a machine: give an oscillator, or a rig= for a Coulomb law on it.")
@@ -282,11 +188,20 @@ def _laws(oscillator: Any, rig: Any, free: Sequence[str]) -> tuple[Law, ...]:
     laws = tuple(Law(name_of(each), each, tuple(free)) for each in several)
     if len({law.name for law in laws}) < len(laws):
         raise UsageError("Two of the oscillators have the same friction law; a run has one row for each law.")
-    return laws
+    root, files = place_of(runs)
+    rules = (Rule("**", reading or {}, rig, rig_name),)
+    patterns = tuple(include), tuple(exclude)
+    return Study(root, laws, files, *patterns, rules, tuple(facts), settings, residuals=residuals)
 
 
-def name_of(oscillator: Any) -> str:
-    """Return the command-line name of the friction law, such as "coulomb+quadraticdrag"."""
-    from ..friction.base import law_name
-
-    return law_name(oscillator.friction).replace(" ", "").lower()
+def place_of(runs: Any) -> tuple[Path, tuple[str, ...] | None]:
+    """Return the folder of runs and their names, None for all."""
+    if isinstance(runs, str | os.PathLike):
+        path = Path(runs)
+        return (path.parent, (path.name,)) if path.is_file() else (path, None)
+    paths = [os.path.abspath(path) for path in runs]
+    if not paths:
+        raise UsageError("There is no run to fit: the list is empty.")
+    root = os.path.commonpath([os.path.dirname(path) for path in paths])
+    names = tuple(dict.fromkeys(Path(os.path.relpath(path, root)).as_posix() for path in paths))
+    return Path(root), names

@@ -4,25 +4,24 @@ A file is identified by its size, modification time and inode, so thousands of k
 that was moved, copied or touched is recognised by the hash of its bytes.
 """
 
-import dataclasses
-import functools
 import hashlib
+import itertools
 import os
-import time
 import zlib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, NoReturn
+
+import numpy as np
 
 from ..data import plugins
 from ..data.files import check_regular, printable
 from ..data.read import SUFFIXES
 from ..errors import DataError, UsageError
-from .study import Law, Rule, Study, matches
+from .study import Study, matches
 
-# Largest total size of the files of a chunk in bytes, since their data and results must fit into memory.
+# About the largest total size of the files of a chunk in bytes; their data and results must fit into memory.
 _LARGEST = 1 << 25
-_BLOCK = 1 << 20
 LARGEST_FILE = 1 << 36
 """Largest file of a run in bytes; a sparse file that claims more would take hours to read."""
 
@@ -35,75 +34,36 @@ class Signature(NamedTuple):
     inode: int
 
 
-@dataclasses.dataclass(frozen=True)
-class Job:
-    """File to fit.
-
-    Attributes:
-        file: path relative to the folder of the study.
-        signature: signature at the time of planning.
-        facts: facts from its path.
-        laws: indices of the laws to fit.
-    """
+class Job(NamedTuple):
+    """File to fit, its signature when planned, and indices of its laws."""
 
     file: str
     signature: Signature
-    facts: Mapping[str, str]
     laws: tuple[int, ...]
 
 
-@dataclasses.dataclass(frozen=True)
-class Chunk:
-    """Files that one worker reads and fits together.
-
-    Their runs are likely to share compiled programs.
-    """
-
-    jobs: tuple[Job, ...]
-
-    def __len__(self) -> int:
-        return len(self.jobs)
+type Chunk = tuple[Job, ...]
+"""Files that one worker reads and fits together. Their runs are likely to share compiled programs."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Known:
-    """File with complete results in the store.
-
-    Attributes:
-        file, signature, facts: as of a `Job`.
-        sha256: hash of its bytes.
-        moved: whether its records have another path or other times, so that they must be updated.
-    """
-
-    file: str
-    signature: Signature
-    facts: Mapping[str, str]
-    sha256: str
-    moved: bool
-
-
-@dataclasses.dataclass(frozen=True)
-class Plan:
-    """Plan of the files to fit, with the files already known.
+class Plan(NamedTuple):
+    """Plan of the files to fit.
 
     Attributes:
         chunks: files to fit.
-        known: files with complete results.
         files: all files of the study, including those of other shards.
+        done: number of files with complete results.
+        moved: new columns of complete files that were moved or touched, by hash and settings.
         changed: files to fit again because their bytes have changed.
         links: links to folders, which are not followed.
     """
 
     chunks: tuple[Chunk, ...]
-    known: tuple[Known, ...]
     files: tuple[str, ...]
+    done: int
+    moved: Mapping[tuple[str, str], list[dict[str, Any]]]
     changed: tuple[str, ...]
-    links: tuple[str, ...] = ()
-
-    @property
-    def jobs(self) -> list[Job]:
-        """Files to fit."""
-        return [job for chunk in self.chunks for job in chunk.jobs]
+    links: tuple[str, ...]
 
 
 def plan(
@@ -116,104 +76,43 @@ def plan(
 ) -> Plan:
     """Plan the work for a study.
 
-    Args:
-        study: the study.
-        records: rows of the store with `file`, `status`, `settings`, `sha256`, `bytes`, `modified` and `inode`.
-        shard: part of the files to process, such as (2, 3) for the second of three.
-        retry: fit rejected and failed runs again.
-        store: the folder of the store, which is excluded from the search for runs.
-
-    Raises:
-        UsageError: no files, or a file outside the folder of the study.
+    `records` are the rows of the store that is in the folder `store`, where no runs are searched. `shard` and `retry`
+    are as of `batch`.
     """
-    links: list[str] = []
-    files = study.files if study.files is not None else tuple(_files_below(study, store, links))
-    if not files and study.include:
-        raise UsageError(f"No file in {study.root} matches {' or '.join(study.include)}. Check the pattern.")
+    files, links = (list(study.files), []) if study.files is not None else _files_below(study, store)
     if not files:
         raise UsageError(
-            f"{study.root} holds no file of a known format. Give another folder, or a pattern with include=."
+            f"No file in {study.root} matches {' or '.join(study.include)}. Check the pattern."
+            if study.include
+            else f"{study.root} holds no file of a known format. Give another folder, or a pattern with include=."
         )
-    history = _History(records, retry)
-    jobs, known, changed = [], [], []
+    known: dict[str, dict[Signature, str]] = {}
+    for row in records:
+        known.setdefault(row["file"], {})[Signature(row["bytes"], row["modified"], row["inode"])] = row["sha256"]
+    sizes = {row["bytes"] for row in records}
+    again = {(row["sha256"], row["settings"]) for row in records if retry and row["status"] in ("rejected", "failed")}
+    fitted = {(row["sha256"], row["settings"]) for row in records} - again
+    jobs, done, changed = [], 0, []
+    moved: dict[tuple[str, str], list[dict[str, Any]]] = {}
     for file in files:
-        if shard[1] > 1 and zlib.crc32(os.fsencode(file)) % shard[1] != shard[0] - 1:
+        if zlib.crc32(os.fsencode(file)) % shard[1] != shard[0] - 1:
             continue
-        job, done = _looked_up(study, file, history)
-        if done is not None:
-            known.append(done)
-        else:
-            jobs.append(job)
-            name = printable(file)
-            if name in history.files and job.signature not in history.files[name]:
+        signature, name = signature_of(study.root / file), printable(file)
+        sha256 = same = known.get(name, {}).get(signature, "")
+        if not same and signature.bytes in sizes:
+            sha256 = hash_of(study.root / file)
+        settings = [sha256 and study.settings_of(law, file) for law in study.laws]
+        laws = tuple(i for i, digest in enumerate(settings) if (sha256, digest) not in fitted or not sha256)
+        done += not laws
+        if laws:
+            jobs.append(Job(file, signature, laws))
+            if name in known and signature not in known[name]:
                 changed.append(name)
-    return Plan(tuple(_chunks(study, jobs)), tuple(known), tuple(files), tuple(changed), tuple(links))
-
-
-class _History:
-    """Index of the records of a store."""
-
-    def __init__(self, records: Iterable[Mapping[str, Any]], retry: bool) -> None:
-        self.files: dict[str, dict[Signature, str]] = {}
-        self.sizes: set[int] = set()
-        self.done: set[tuple[str, str]] = set()
-        again: set[tuple[str, str]] = set()
-        for row in records:
-            signature = Signature(row["bytes"], row["modified"], row["inode"])
-            self.files.setdefault(row["file"], {})[signature] = row["sha256"]
-            self.sizes.add(row["bytes"])
-            self.done.add((row["sha256"], row["settings"]))
-            if retry and row["status"] in ("rejected", "failed"):
-                again.add((row["sha256"], row["settings"]))
-        self.done -= again
-
-
-def _looked_up(study: Study, file: str, history: _History) -> tuple[Job, Known | None]:
-    """Return the job of a file; if complete, also its known results."""
-    path = study.root / file
-    facts = study.facts_of(file)
-    signature = signature_of(path)
-    seen = history.files.get(printable(file), {}).get(signature, "")
-    sha256 = seen
-    if not seen and signature.bytes in history.sizes:
-        sha256 = hash_of(path)
-    wanted = range(len(study.laws))
-    if sha256:
-        rule = study.rule_of(file)
-        digests = [settings_of(study, law, rule, facts) for law in study.laws]
-        wanted = [i for i, digest in enumerate(digests) if (sha256, digest) not in history.done]
-    job = Job(file, signature, facts, tuple(wanted))
-    return job, None if wanted else Known(file, signature, facts, sha256, moved=not seen)
-
-
-def settings_of(study: Study, law: Law, rule: Rule, facts: Mapping[str, str]) -> str:
-    """Return the digest of the settings of a run.
-
-    A run with an invalid load has a digest too.
-    """
-    try:
-        load = study.load_of(facts, rule)
-    except DataError:
-        load = float("-inf")
-    return _digest(_ById(study), _ById(law), _ById(rule), load)
-
-
-class _ById:
-    """Cache key by identity, for values that cannot be hashed."""
-
-    def __init__(self, value: Any) -> None:
-        self.value = value
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _ById) and self.value is other.value
-
-    def __hash__(self) -> int:
-        return id(self.value)
-
-
-@functools.lru_cache(maxsize=4096)
-def _digest(study: _ById, law: _ById, rule: _ById, load: float) -> str:
-    return study.value.digest(law.value, rule.value, load)
+        elif not same:
+            columns = {"file": name, "rig": study.rule_of(file).rig_name, **signature._asdict()}
+            for digest in settings:
+                moved.setdefault((sha256, digest), []).append(columns)
+    return Plan(tuple(_chunks(study, jobs)), tuple(files), done, moved, tuple(changed), tuple(links))
 
 
 def signature_of(path: Path) -> Signature:
@@ -226,90 +125,59 @@ def signature_of(path: Path) -> Signature:
 
 
 def iso_time(nanoseconds: int) -> str:
-    """Format nanoseconds since 1970 as ISO text in UTC.
-
-    Nanoseconds are kept, since they identify files.
-    """
-    seconds, rest = divmod(nanoseconds, 10**9)
-    return f"{time.strftime('%Y-%m-%dT%H:%M:%S', time.gmtime(seconds))}.{rest:09d}Z"
+    """Format nanoseconds since 1970 as exact ISO text in UTC."""
+    return f"{np.datetime64(nanoseconds, 'ns')}Z"
 
 
 def hash_of(path: Path) -> str:
-    """Return the SHA-256 hash of a file, read in blocks.
-
-    The hash is empty if the file is unreadable or too large for a run.
-    """
-    digest = hashlib.sha256()
+    """Return the SHA-256 of a file, empty if unreadable or too large."""
     try:
         check_regular(path)
         if path.stat().st_size > LARGEST_FILE:
             return ""
         with open(path, "rb", opener=lambda name, flags: os.open(name, flags | getattr(os, "O_NONBLOCK", 0))) as file:
-            while block := file.read(_BLOCK):
-                digest.update(block)
+            return hashlib.file_digest(file, "sha256").hexdigest()
     except (OSError, DataError):
         return ""
-    return digest.hexdigest()
 
 
-def _files_below(study: Study, store: Path | None, links: list[str]) -> Iterator[str]:
-    """Yield the runs below the folder of a study, sorted by name.
-
-    Links to folders are appended to `links`.
-    """
+def _files_below(study: Study, store: Path | None) -> tuple[list[str], list[str]]:
+    """Return the visible runs below a folder, and links to folders."""
     if not study.root.is_dir():
         raise UsageError(f"There is no folder {study.root}. Give the folder that holds the runs, or their paths.")
+
+    def stop(error: OSError) -> NoReturn:
+        raise error
+
     suffixes = {*SUFFIXES, *(suffix.lower() for suffix in plugins.suffixes())}
-    inside = None if store is None else os.path.realpath(store)
-    names = sorted(_walked(study.root, "", inside, links))
-    for name in names:
-        wanted = any(matches(name, each) for each in study.include) if study.include else _suffix(name) in suffixes
-        if wanted and not any(matches(name, each) for each in study.exclude):
-            yield name
-
-
-def _walked(folder: Path | str, place: str, without: str | None, links: list[str]) -> Iterator[str]:
-    """Yield POSIX paths of all files below a folder.
-
-    Hidden files and the store are skipped. Links to folders are appended to `links`.
-    """
-    with os.scandir(folder) as entries:
-        for entry in entries:
-            if entry.name.startswith("."):
-                continue
-            # A link to a parent folder would cause infinite recursion.
-            if entry.is_dir(follow_symlinks=False):
-                if os.path.realpath(entry.path) != without:
-                    yield from _walked(entry.path, f"{place}{entry.name}/", without, links)
-            elif entry.is_symlink() and os.path.isdir(entry.path):
-                links.append(printable(f"{place}{entry.name}"))
-            else:
-                yield f"{place}{entry.name}"
-
-
-def _suffix(name: str) -> str:
-    return os.path.splitext(name)[1].lower()
+    files, links = [], []
+    for folder, inner, names in os.walk(study.root, onerror=stop):
+        place = Path(folder).relative_to(study.root)
+        inner[:] = [name for name in inner if not name.startswith(".")]
+        # A link to a parent folder would cause infinite recursion.
+        links += [printable((place / name).as_posix()) for name in inner if Path(folder, name).is_symlink()]
+        inner[:] = [name for name in inner if store is None or Path(folder, name).resolve() != store.resolve()]
+        for name in names:
+            file = (place / name).as_posix()
+            wanted = [matches(file, each) for each in study.include] or [Path(name).suffix.lower() in suffixes]
+            if any(wanted) and not name.startswith(".") and not any(matches(file, each) for each in study.exclude):
+                files.append(file)
+    return sorted(files), links
 
 
 def _chunks(study: Study, jobs: Sequence[Job]) -> Iterator[Chunk]:
-    """Group files that are likely to share a shape.
-
-    They have the same suffix, the same laws and similar sizes.
-    """
+    """Group files of the same suffix and laws, and of similar size."""
     from ..fitting.chunks import blocks
 
     groups: dict[Any, list[Job]] = {}
     for job in jobs:
-        groups.setdefault((_suffix(job.file), job.laws), []).append(job)
+        groups.setdefault((Path(job.file).suffix.lower(), job.laws), []).append(job)
     # Laws integrated on a mesh are fitted run by run, so smaller chunks cost little and lose less if interrupted.
     parts = 1 if all(law.oscillator.friction.kind == "set-valued" for law in study.laws) else 8
     for group in groups.values():
         by_size = sorted(group, key=lambda job: job.signature.bytes)
         for block in blocks(len(group), parts):
-            chunk: list[Job] = []
-            for job in by_size[block.start : block.stop]:
-                if chunk and sum(j.signature.bytes for j in (*chunk, job)) > _LARGEST:
-                    yield Chunk(tuple(chunk))
-                    chunk = []
-                chunk.append(job)
-            yield Chunk(tuple(chunk))
+            members = by_size[block.start : block.stop]
+            totals = itertools.accumulate(job.signature.bytes for job in members)
+            for _, pairs in itertools.groupby(zip(members, totals, strict=True), lambda pair: pair[1] // _LARGEST):
+                yield tuple(job for job, _ in pairs)

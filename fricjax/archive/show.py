@@ -15,13 +15,7 @@ if TYPE_CHECKING:
 
 
 def parameter_figure(table: "DataFrame", name: str, against: str) -> Any:
-    """Plot a parameter of the ok rows with its combined standard errors.
-
-    Each law has its own colour.
-
-    Raises:
-        UsageError: a column without numbers.
-    """
+    """Plot a parameter of the ok rows with its combined standard errors."""
     for column in (name, against):
         if column != "run" and table[column].dtype.kind not in "fiu":
             raise UsageError(f"The column {column!r} holds no numbers, and cannot be drawn.")
@@ -45,37 +39,25 @@ def parameter_figure(table: "DataFrame", name: str, against: str) -> Any:
 
 # Units of columns that are no parameters; "x" represents the unit of the displacement.
 _PLAIN_UNITS = {
-    "residual_rms": "x",
-    "sigma": "x",
-    "amplitude": "x",
+    **dict.fromkeys(("residual_rms", "sigma", "amplitude"), "x"),
+    **dict.fromkeys(("duration", "seconds_read", "seconds_fit"), "s"),
     "rate": "Hz",
-    "duration": "s",
     "load": "N",
-    "seconds_read": "s",
-    "seconds_fit": "s",
 }
 
 
 def unit_of(name: str, laws: Sequence[str], quantity: str = "m") -> str:
-    """Return the SI unit of a column.
+    """Return the SI unit of a column of a table.
 
-    Args:
-        name: name of a parameter, of a kinematic quantity, or of another column.
-        laws: friction laws of the table, named as on the command line; their coefficients are searched.
-        quantity: "m", or "rad" for a rotary rig.
+    `laws` are the laws of the table; `quantity` is the unit of the displacement: "m", or "rad" for a rotary rig.
     """
-    stem = name.split("[")[0].rsplit(".", 1)[-1]
-    unit = {**_PLAIN_UNITS, **_coefficient_units(laws), **NUISANCES, **UNITS}.get(stem, "")
-    return quantity if unit == "x" else rotary_unit(unit, quantity)
-
-
-def _coefficient_units(laws: Sequence[str]) -> dict[str, str]:
-    """Return the units of the coefficients of the oscillator and these laws."""
     from .. import friction
     from ..friction.catalogue import CATALOGUE
     from ..oscillator import Oscillator, restoring
 
-    summands = {part for law in laws for part in law.split("+")}
+    summands = sorted({part for law in laws for part in law.split("+")} & CATALOGUE.keys())
     classes = [Oscillator, restoring.Cubic, restoring.Structural]
-    classes += [getattr(friction, CATALOGUE[name].name) for name in sorted(summands) if name in CATALOGUE]
-    return {name: each.unit for cls in classes for name, each in getattr(cls, "coefficients", {}).items()}
+    classes += [getattr(friction, CATALOGUE[name].name) for name in summands]
+    units = {key: each.unit for cls in classes for key, each in getattr(cls, "coefficients", {}).items()}
+    unit = {**_PLAIN_UNITS, **units, **NUISANCES, **UNITS}.get(name.split("[")[0].rsplit(".", 1)[-1], "")
+    return quantity if unit == "x" else rotary_unit(unit, quantity)

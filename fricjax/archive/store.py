@@ -9,7 +9,6 @@ Files are written atomically. A row in a part is finished; after a crash, the ne
 """
 
 import contextlib
-import errno
 import io
 import json
 import os
@@ -22,10 +21,10 @@ from pathlib import Path
 from typing import IO, Any
 
 from ..data.files import content
-from ..errors import DataError, UsageError, brief, path_of
+from ..errors import DataError, UsageError, brief, needed, path_of
 from ..show.files import write_bytes, write_text
-from .study import SCHEMA, Study, facts_in
-from .table import REMEMBERED, arrow, joined, of_rows, parts_in
+from .study import SCHEMA, Study
+from .table import joined, note, of_rows, without_facts
 
 try:
     import fcntl
@@ -38,15 +37,10 @@ _PART = re.compile(r"\d{20}-[0-9a-f]{8}\.parquet")
 _LARGEST = 10_000_000
 # Seconds before another attempt to lock; a status query holds the lock only for a moment.
 _GLANCE = 0.05
-_IN_USE = (errno.EWOULDBLOCK, errno.EAGAIN, errno.EACCES)
 
 
 class Store:
-    """Records of an archive in a folder.
-
-    Args:
-        path: the folder.
-    """
+    """Records of an archive in a folder."""
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.path = path_of(path)
@@ -77,28 +71,17 @@ class Store:
         return described
 
     def begin(self, study: Study) -> None:
-        """Create the store if missing and record the study.
-
-        Raises:
-            UsageError: the folder holds the records of another study.
-            OSError: the folder cannot be written.
-        """
-        asked = self.check(study) if self.exists else study.described()
-        if self.exists and asked == {**self.description(), "versions": asked["versions"]}:
-            return
-        self.path.mkdir(parents=True, exist_ok=True)
-        write_text(self.path / _STUDY, json.dumps(asked, indent=1, default=repr) + "\n", overwrite=True)
+        """Record the study, after `check`."""
+        asked = self.check(study)
+        if not self.exists or asked != {**self.description(), "versions": asked["versions"]}:
+            write_text(self.path / _STUDY, json.dumps(asked, indent=1) + "\n", overwrite=True)
 
     def check(self, study: Study) -> dict[str, Any]:
-        """Merge the description of the store with that of a study.
-
-        Returns:
-            JSON data.
-
-        Raises:
-            UsageError: the store holds the records of another study.
-        """
-        known, asked = self.description(), json.loads(json.dumps(study.described(), default=repr))
+        """Return the description of a study with all stored laws."""
+        asked = json.loads(json.dumps(study.described(), default=repr))
+        if not self.exists:
+            return asked
+        known = self.description()
         difference = _difference(known, asked)
         if difference:
             raise UsageError(
@@ -122,42 +105,37 @@ class Store:
         if not (only_empty or self.exists) or (self.path.exists() and not self.path.is_dir()):
             raise UsageError(f"{self.path} exists and holds no archive. Give the name of a new folder.")
         self.path.mkdir(parents=True, exist_ok=True)
+        part, parts = shard
+        locks = {".lock": True} if parts == 1 else {".lock": False, f".lock-{part}-of-{parts}": True}
         with contextlib.ExitStack() as stack:
-            file = stack.enter_context(open(self.path / ".lock", "a+", encoding="utf-8"))
-            if shard[1] == 1:
-                _lock(file, True, self.path)
-            else:
-                _lock(file, False, self.path)
-                name = f".lock-{shard[0]}-of-{shard[1]}"
+            for name, exclusive in locks.items():
                 file = stack.enter_context(open(self.path / name, "a+", encoding="utf-8"))
-                _lock(file, True, self.path)
+                free = _lock(file, exclusive)
+                file.seek(0)
+                if not free:
+                    holder = ", ".join(filter(None, [str(self.path), file.read(200).strip()]))
+                    raise UsageError(
+                        f"Another driver is at work on {holder}. Wait until it has ended, or let each have a part of "
+                        "the runs: --shard 1/2 and --shard 2/2."
+                    )
+                file.truncate()
+                file.write(f"process {os.getpid()} on {platform.node()}")
+                file.flush()
             yield
 
     def driver(self) -> str:
-        """Return the process that works on this store, empty for none.
-
-        The text has the form "process 1234 on host".
-        """
-        if fcntl is None or not (self.path / ".lock").is_file():
-            return ""
-        with open(self.path / ".lock", encoding="utf-8") as file:
-            return file.read(200).strip() if _had(file, fcntl.LOCK_EX) is False else ""
+        """Return the driver at work, as "process 1234 on host", or nothing."""
+        with contextlib.suppress(FileNotFoundError), open(self.path / ".lock", encoding="utf-8") as file:
+            if not _lock(file, True):
+                return file.read(200).strip()
+        return ""
 
     def write_part(self, table: Any, files: Mapping[str, bytes] | None = None) -> None:
-        """Write finished rows, after the files of their residuals.
-
-        Args:
-            table: the rows.
-            files: netCDF files of residuals by key.
-
-        Raises:
-            OSError: the files cannot be written; then no row is written either.
-        """
-        (self.path / _PARTS).mkdir(exist_ok=True)
-        if files:
-            (self.path / _RUNS).mkdir(exist_ok=True)
-        for key, bytes_ in (files or {}).items():
-            write_bytes(self.path / _RUNS / f"{key}.nc", bytes_, overwrite=True)
+        """Write finished rows, after the netCDF files of their residuals by key."""
+        for folder in (_PARTS, _RUNS) if files else (_PARTS,):
+            (self.path / folder).mkdir(exist_ok=True)
+        for key, content_ in (files or {}).items():
+            write_bytes(self.path / _RUNS / f"{key}.nc", content_, overwrite=True)
         # Later parts have larger numbers, whatever the clock says. A random suffix separates simultaneous drivers.
         last = max((int(n[:20]) for n in os.listdir(self.path / _PARTS) if _PART.fullmatch(n)), default=0)
         name = f"{last + 1:020d}-{secrets.token_hex(4)}.parquet"
@@ -165,92 +143,52 @@ class Store:
 
     def records(self) -> list[dict[str, Any]]:
         """Return the columns of each row that a plan needs."""
-        tables = self._tables(REMEMBERED)
-        return [row for _, table in tables for row in table.to_pylist()]
+        columns = ["file", "status", "settings", "sha256", "bytes", "modified", "inode"]
+        return self.merged()[0].select(columns).to_pylist() if self.exists else []
 
-    def relabel(self, rows: Sequence[tuple[str, str, Mapping[str, Any]]]) -> None:
-        """Write updated records for files that were moved.
+    def relabel(self, moved: Mapping[tuple[str, str], Sequence[Mapping[str, Any]]]) -> None:
+        """Write new columns of moved files, by hash and settings."""
+        table = without_facts(self.merged()[0])
+        pairs = zip(table.column("sha256").to_pylist(), table.column("settings").to_pylist(), strict=True)
+        rows = table.take([i for i, pair in enumerate(pairs) if pair in moved]).to_pylist()
+        # Files with the same bytes have equal rows except for these columns.
+        runs = {(row["sha256"], row["settings"], row["run"]): row for row in rows}
+        updated = [{**row, **columns} for (*pair, _), row in runs.items() for columns in moved[tuple(pair)]]
+        self.write_part(of_rows(updated))
 
-        Args:
-            rows: hash, settings and new columns of each record.
-        """
-        wanted: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
-        for sha256, settings, columns in rows:
-            wanted.setdefault((sha256, settings), []).append(columns)
-        known: dict[tuple[str, str], list[dict[str, Any]]] = {}
-        for _, table in self._tables(None):
-            pairs = zip(table.column("sha256").to_pylist(), table.column("settings").to_pylist(), strict=True)
-            at: dict[tuple[str, str], list[int]] = {}
-            for i, pair in enumerate(pairs):
-                if pair in wanted:
-                    at.setdefault(pair, []).append(i)
-            # Files with the same bytes have equal rows except for these columns.
-            for pair, numbers in at.items():
-                named = {row["run"]: row for row in table.take(numbers).to_pylist()}
-                known[pair] = list(named.values())
-        anew = [{**row, **columns} for pair, each in wanted.items() for columns in each for row in known.get(pair, [])]
-        if anew:
-            facts = {name for row in anew for name in row} & set(self.fact_names)
-            self.write_part(of_rows([{n: v for n, v in row.items() if n not in facts} for row in anew]))
-
-    @property
-    def fact_names(self) -> list[str]:
-        """Names of the columns extracted from paths."""
-        return self.description()["fact_names"]
-
-    def write_table(self, root: Path | None = None) -> None:
+    def write_table(self, root: Path) -> None:
         """Merge all parts into the table unless it is up to date."""
-        with open(self.path / ".table-lock", "a+", encoding="utf-8") as lock:
-            if fcntl is not None:
-                with contextlib.suppress(OSError):
-                    fcntl.flock(lock, fcntl.LOCK_EX)
-            tables = self._tables(None)
-            facts = self.description()["facts"]
-            current = len(tables) == 1 and parts_in(tables[0][1])
-            if tables and not (current and tables[0][1].schema.metadata.get(b"facts") == json.dumps(facts).encode()):
-                table = joined(tables, facts_in(facts), None if root is None else str(root))
-                table = table.replace_schema_metadata({**table.schema.metadata, b"facts": json.dumps(facts).encode()})
-                write_bytes(self.path / _TABLE, _parquet(table), overwrite=True)
+        # If two drivers write at once, the last table wins; it names its parts, and the others are read again.
+        table, current = self.merged(root)
+        if not current:
+            write_bytes(self.path / _TABLE, _parquet(table), overwrite=True)
 
-    def table(self) -> Any:
-        """Return all rows, including parts not yet merged.
-
-        Raises:
-            DataError: no store, or a damaged file.
-        """
-        facts = self.description()["facts"]
-        tables = self._tables(None)
-        if len(tables) == 1 and parts_in(tables[0][1]):
-            return tables[0][1]
-        return joined(tables, facts_in(facts)) if tables else of_rows([])
-
-    def _tables(self, columns: Sequence[str] | None) -> list[tuple[str, Any]]:
-        """Return the table, then unmerged parts from oldest to newest."""
-        tables: list[tuple[str, Any]] = []
+    def merged(self, root: Path | None = None) -> tuple[Any, bool]:
+        """Return all rows, and whether the stored table has all of them."""
+        facts, tables = self.description()["facts"], []
         if (self.path / _TABLE).is_file():
-            tables.append(("", _read(self.path / _TABLE, columns)))
-        had = set(parts_in(tables[0][1])) if tables else set()
+            tables.append(("", _read(self.path / _TABLE)))
+        merged = set(note(tables[0][1], "parts")) if tables else set()
         with contextlib.suppress(FileNotFoundError):
             names = sorted(n for n in os.listdir(self.path / _PARTS) if n.endswith(".parquet") and n[0] != ".")
-            tables += [(name, _read(self.path / _PARTS / name, columns)) for name in names if name not in had]
-        return tables
+            tables += [(name, _read(self.path / _PARTS / name)) for name in names if name not in merged]
+        if not tables:
+            return of_rows([]), True
+        if merged and len(tables) == 1 and note(tables[0][1], "templates") == facts:
+            return tables[0][1], True
+        return joined(tables, facts, root), False
 
 
 def _parquet(table: Any) -> memoryview:
-    arrow()
-    from pyarrow import parquet
-
     buffer = io.BytesIO()
-    parquet.write_table(table, buffer, compression="zstd")
+    needed("An archive", "pyarrow.parquet", "batch").write_table(table, buffer, compression="zstd")
     return buffer.getbuffer()
 
 
-def _read(path: Path, columns: Sequence[str] | None) -> Any:
-    arrow()
-    from pyarrow import parquet
-
+def _read(path: Path) -> Any:
+    parquet = needed("An archive", "pyarrow.parquet", "batch")
     try:
-        return parquet.ParquetFile(path).read(None if columns is None else list(columns))
+        return parquet.ParquetFile(path).read()
     except (OSError, ValueError) as error:
         raise DataError(
             f"{path} cannot be read ({' '.join(str(error).split())[:120]}). Remove it and start again: its runs are "
@@ -258,42 +196,21 @@ def _read(path: Path, columns: Sequence[str] | None) -> Any:
         ) from error
 
 
-def _had(file: IO[str], kind: int) -> bool | None:
-    """Return True if a lock is free, None without support for locks.
-
-    Some network drives do not support locks.
-    """
-    assert fcntl is not None
+def _lock(file: IO[str], exclusive: bool) -> bool:
+    """Lock a file until it is closed, if it is free."""
+    # Some network drives, and Windows, have no locks; there the lock always succeeds.
+    if fcntl is None:
+        return True
+    kind = fcntl.LOCK_EX if exclusive else fcntl.LOCK_SH
     for patience in (_GLANCE, _GLANCE, 0.0):
         try:
             fcntl.flock(file, kind | fcntl.LOCK_NB)
             return True
-        except OSError as error:
-            if error.errno not in _IN_USE:
-                return None
+        except (BlockingIOError, PermissionError):
             time.sleep(patience)
+        except OSError:
+            return True
     return False
-
-
-def _lock(file: IO[str], exclusive: bool, store: Path) -> None:
-    """Lock a file for the lifetime of this process."""
-    if fcntl is None:
-        return
-    had = _had(file, fcntl.LOCK_EX if exclusive else fcntl.LOCK_SH)
-    if had is None:
-        return
-    if not had:
-        file.seek(0)
-        holder = file.read(200).strip()
-        by = f", {holder}" if holder else ""
-        raise UsageError(
-            f"Another driver is at work on {store}{by}. Wait until it has ended, or let each have a part of the runs: "
-            "--shard 1/2 and --shard 2/2."
-        )
-    file.seek(0)
-    file.truncate()
-    file.write(f"process {os.getpid()} on {platform.node()}")
-    file.flush()
 
 
 def _difference(known: Mapping[str, Any], asked: Mapping[str, Any]) -> str:

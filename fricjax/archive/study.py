@@ -9,8 +9,9 @@ import functools
 import hashlib
 import json
 import math
+import platform
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,11 +27,9 @@ SCHEMA = "fricjax.archive/1"
 
 # A fact in a template, such as {load} in "load_{load}N/run_{number}.csv".
 _FACT = re.compile(r"\{([a-z_][a-z_0-9]*)\}")
-# Fact that already is a column of the table.
-_LOAD = "load"
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Law:
     """Friction law that is fitted to every run.
 
@@ -51,7 +50,14 @@ class Law:
     free: tuple[str, ...]
 
 
-@dataclasses.dataclass(frozen=True)
+def name_of(oscillator: "Oscillator") -> str:
+    """Return the command-line name of the friction law, such as "coulomb+quadraticdrag"."""
+    from ..friction.base import law_name
+
+    return law_name(oscillator.friction).replace(" ", "").lower()
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
 class Rule:
     """Reader options and rig for the files of a pattern.
 
@@ -63,9 +69,8 @@ class Rule:
 
     Examples:
         >>> import fricjax as fj
-        >>> rule = fj.archive.Rule("lab_b/**/*.csv", {"unit": "um"})
-        >>> rule.takes("lab_b/may/run.csv"), rule.takes("lab_a/run.csv")
-        (True, False)
+        >>> fj.archive.Rule("lab_b/**/*.csv", {"unit": "um"}).reading
+        {'unit': 'um'}
     """
 
     pattern: str = "**"
@@ -73,30 +78,22 @@ class Rule:
     rig: "Rig | None" = None
     rig_name: str = ""
 
-    def takes(self, file: str) -> bool:
-        """Return True if the pattern matches a file."""
-        return matches(file, self.pattern)
-
-
-def matches(file: str, pattern: str) -> bool:
-    """Return True if a POSIX path matches a pattern.
-
-    ``**`` matches any folders and ``*`` any name.
-    """
-    return _pattern(pattern).fullmatch(file) is not None
+    def inputs(self) -> dict[str, list[float]]:
+        """Return value and standard uncertainty of each number of the rig."""
+        return {} if self.rig is None else {n: [m.value, m.std] for n, m in self.rig.numbers().items()}
 
 
 # Regular expressions of wildcards, folders before names.
 _SIGNS = {"**/": "(?:.*/)?", "**": ".*", "*": "[^/]*", "?": "[^/]"}
 
 
-@functools.cache
-def _pattern(pattern: str) -> re.Pattern[str]:
+def matches(file: str, pattern: str) -> bool:
+    """Return True if a path matches a pattern."""
     parts = re.split(r"(\*\*/|\*\*|\*|\?)", pattern)
-    return re.compile("".join(_SIGNS.get(part, re.escape(part)) for part in parts), re.DOTALL)
+    return re.fullmatch("".join(_SIGNS.get(part, re.escape(part)) for part in parts), file, re.DOTALL) is not None
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Study:
     """Files, models and settings of a batch fit.
 
@@ -122,7 +119,7 @@ class Study:
         >>> study = fj.archive.Study(Path("runs"), (law,), facts=("load_{load}N/run_{number}.csv",))
         >>> study.facts_of("steel/load_9.66N/run_07.csv")
         {'load': '9.66', 'number': '07'}
-        >>> study.load_of(study.facts_of("load_9.66N/run_07.csv"), study.rule_of("load_9.66N/run_07.csv"))
+        >>> study.load_of("load_9.66N/run_07.csv")
         9.66
     """
 
@@ -139,19 +136,13 @@ class Study:
 
     def rule_of(self, file: str) -> Rule:
         """Return the first rule that matches a file."""
-        return next((rule for rule in self.rules if rule.takes(file)), _ANY)
+        return next((rule for rule in self.rules if matches(file, rule.pattern)), _ANY)
 
     def facts_of(self, file: str) -> dict[str, str]:
         """Extract facts from a path by the first matching template, else none."""
-        return facts_in(self.facts)(file)
+        return facts_in(self.facts, file)
 
-    @property
-    def fact_names(self) -> tuple[str, ...]:
-        """Names of the facts in template order, without the load."""
-        names = dict.fromkeys(name for template in self.facts for name in _FACT.findall(template))
-        return tuple(name for name in names if name != _LOAD)
-
-    def load_of(self, facts: Mapping[str, str], rule: Rule) -> float:
+    def load_of(self, file: str) -> float:
         """Return the normal force of a run [N], NaN if unknown.
 
         It comes from its path, its rig or the study, in this order.
@@ -159,24 +150,22 @@ class Study:
         Raises:
             DataError: the load in its path is not a positive number.
         """
-        if _LOAD in facts:
+        text = self.facts_of(file).get("load")
+        if text is not None:
             try:
-                load = float(facts[_LOAD].replace(",", "."))
+                load = float(text.replace(",", "."))
             except ValueError:
                 load = math.nan
             if not 0 < load < math.inf:
                 raise DataError(
-                    f"Its path names the load {facts[_LOAD]!r}, which is no positive number of newtons. Rename it, or "
-                    "change the template in facts=."
+                    f"Its path names the load {text!r}, which is no positive number of newtons. Rename it, or change "
+                    "the template in facts=."
                 )
             return load
-        if rule.rig is not None:
-            return rule.rig.normal_force.value
+        rig = self.rule_of(file).rig
+        if rig is not None:
+            return rig.normal_force.value
         return float(self.laws[0].oscillator.normal_force) if self.calibrated else math.nan
-
-    def calibrated_by(self, rule: Rule) -> bool:
-        """Return True if friction coefficients are meaningful for a rule's runs."""
-        return self.calibrated or rule.rig is not None
 
     def request(self, law: Law, rule: Rule, load: float) -> "Request":
         """Return the fit request for a rule's runs under a load."""
@@ -189,28 +178,30 @@ class Study:
             rig = None if rig is None else rig.with_inputs({"normal_force": load})
         return Request.of(machine, law.free, rig=rig, **{**DEFAULTS, **self.settings})
 
+    def settings_of(self, law: Law, file: str) -> str:
+        """Return the digest of the settings of a run with any load."""
+        try:
+            load = self.load_of(file)
+        except DataError:
+            load = -math.inf
+        return self.digest(law, self.rule_of(file), load)
+
+    @functools.lru_cache(maxsize=4096)  # noqa: B019 - a process has few studies
     def digest(self, law: Law, rule: Rule, load: float) -> str:
         """Return a digest of all settings that affect a run's result."""
         from ..fitting.store import plain_fields
 
-        rig = None if rule.rig is None else {n: (m.value, m.std) for n, m in rule.rig.numbers().items()}
-        restoring = None if rule.rig is None else type(rule.rig.restoring).__name__
-        known = [law.name, law.oscillator, list(law.free), dict(rule.reading), rig, restoring, load, self.calibrated]
-        settings = {**DEFAULTS, **self.settings}
-        text = json.dumps([SCHEMA, *plain_fields(known), plain_fields(settings)], sort_keys=True, default=repr)
-        return hashlib.sha256(text.encode()).hexdigest()[:32]
+        rig = (None, None) if rule.rig is None else (rule.inputs(), type(rule.rig.restoring).__name__)
+        known = [law.name, law.oscillator, list(law.free), dict(rule.reading), *rig, load, self.calibrated]
+        parts = plain_fields([*known, {**DEFAULTS, **self.settings}])
+        return hashlib.sha256(json.dumps([SCHEMA, *parts], sort_keys=True, default=repr).encode()).hexdigest()[:32]
 
     def described(self) -> dict[str, Any]:
         """Describe the study as JSON data for the store."""
         from ..fitting.store import plain_fields
 
         rules = [
-            {
-                "pattern": rule.pattern,
-                "reading": dict(rule.reading),
-                "rig": rule.rig_name,
-                "inputs": {} if rule.rig is None else {n: [m.value, m.std] for n, m in rule.rig.numbers().items()},
-            }
+            {"pattern": rule.pattern, "reading": dict(rule.reading), "rig": rule.rig_name, "inputs": rule.inputs()}
             for rule in self.rules
         ]
         return {
@@ -219,7 +210,6 @@ class Study:
             "laws": {law.name: {"free": list(law.free), "machine": plain_fields(law.oscillator)} for law in self.laws},
             "rules": plain_fields(rules),
             "facts": list(self.facts),
-            "fact_names": list(self.fact_names),
             "settings": plain_fields({**DEFAULTS, **self.settings}),
             "calibrated": self.calibrated,
             "versions": versions(),
@@ -229,8 +219,6 @@ class Study:
 @functools.cache
 def versions() -> Mapping[str, str]:
     """Return the versions of the programs for a record."""
-    import platform
-
     import jax
 
     from .. import __version__
@@ -240,13 +228,9 @@ def versions() -> Mapping[str, str]:
 
 _ANY = Rule()
 DEFAULTS: Mapping[str, Any] = {
-    "nuisance": None,
+    **dict.fromkeys(("nuisance", "bounds", "priors", "tie", "guess")),
     "engine": "auto",
     "start": "first_reversal",
-    "bounds": None,
-    "priors": None,
-    "tie": None,
-    "guess": None,
     "loss": "squares",
     "noise": "auto",
 }
@@ -254,13 +238,7 @@ DEFAULTS: Mapping[str, Any] = {
 
 @functools.cache
 def _template(template: str) -> re.Pattern[str]:
-    """Compile a template to a regular expression for path ends.
-
-    Each fact is part of one name.
-
-    Raises:
-        UsageError: a template without facts, or with a fact twice.
-    """
+    """Compile a template to a regular expression for path ends."""
     names = _FACT.findall(template)
     if not names or len(set(names)) < len(names):
         raise UsageError(
@@ -272,13 +250,6 @@ def _template(template: str) -> re.Pattern[str]:
     return re.compile(rf"(?:^|/){text.replace(re.escape('*'), '[^/]*')}$")
 
 
-def facts_in(templates: Sequence[str]) -> Callable[[str], dict[str, str]]:
-    """Return a function that extracts facts from a path.
-
-    It applies the first matching template; the result is empty if there is no match.
-    """
-
-    def facts(file: str) -> dict[str, str]:
-        return next((match.groupdict() for each in templates if (match := _template(each).search(file))), {})
-
-    return facts
+def facts_in(templates: Sequence[str], file: str) -> dict[str, str]:
+    """Extract facts from a path by the first matching template, else none."""
+    return next((match.groupdict() for each in templates if (match := _template(each).search(file))), {})

@@ -1,13 +1,9 @@
 """Study defined by a file, `study.toml`.
 
     friction = ["coulomb", "coulomb+quadraticdrag"]
-    free = ["mu", "damping", "stiffness"]
     rig = "rig.toml"
-    facts = ["load_{load}N/run_{number}.csv"]
-    exclude = ["calibration/**"]
-
-    [reading]
-    unit = "um"
+    facts = "load_{load}N/run_{number}.csv"
+    reading = { unit = "um" }
 
     [[runs]]
     pattern = "lab_b/**"
@@ -17,43 +13,69 @@
 Paths are relative to the file. Keys are the options of ``fricjax batch``, validated by the same code.
 """
 
-import functools
 import re
-from collections.abc import Mapping
+import types
+from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any, get_args, get_origin
 
 from ..data.files import read_toml
 from ..errors import UsageError, brief, nearest
 from ..machine import parsing
 from .study import Law, Rule, Study
 
-if TYPE_CHECKING:
-    from pydantic import BaseModel, ValidationError
+
+@dataclass(frozen=True)
+class _Runs:
+    """Keys of a table [[runs]]."""
+
+    pattern: str
+    rig: str | None = None
+    reading: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class _StudyFile:
+    """Keys of a study file."""
+
+    root: str = "."
+    friction: list[str] = field(default_factory=lambda: ["coulomb"])
+    free: list[str] | None = None
+    include: list[str] = field(default_factory=list)
+    exclude: list[str] = field(default_factory=list)
+    facts: list[str] = field(default_factory=list)
+    rig: str | None = None
+    restoring: str | None = None
+    mass: str | float | None = None
+    stiffness: str | float | None = None
+    normal_force: str | float | None = None
+    drag: float | None = None
+    fix: dict[str, float] = field(default_factory=dict)
+    engine: str = "auto"
+    start: str | float = "first_reversal"
+    nuisance: list[str] | None = None
+    loss: str = "squares"
+    noise: str = "auto"
+    guess: dict[str, float] = field(default_factory=dict)
+    bounds: dict[str, str] = field(default_factory=dict)
+    priors: dict[str, str] = field(default_factory=dict)
+    tie: dict[str, str] = field(default_factory=dict)
+    residuals: bool = False
+    reading: dict[str, Any] = field(default_factory=dict)
+    runs: list[_Runs] = field(default_factory=list)
 
 
 def read_study(path: str | Path) -> Study:
-    r"""Read the study that a file defines.
+    """Read the study that a file defines.
 
     Raises:
-        UsageError: missing file, invalid TOML, an unknown key, or an invalid value; the message names file, key and
-            value.
-
-    Examples:
-        >>> from pathlib import Path
-        >>> import fricjax as fj
-        >>> _ = Path("rig.toml").write_text(fj.data.example_paths().rig.read_text())
-        >>> _ = Path("study.toml").write_text('rig = "rig.toml"\nfrictoin = "coulomb"')
-        >>> read_study("study.toml")
-        Traceback (most recent call last):
-        ...
-        fricjax.errors.UsageError: study.toml: there is no key 'frictoin' in a study file. Did you mean 'friction'? ...
+        UsageError: a missing or invalid file; the message names file, key and value.
     """
     file = Path(path)
-    asked = _checked(file, read_toml(file, "study"))
+    table = read_toml(file, "study")
     try:
-        return _study(file.parent, asked)
+        return _study(file.parent, _table("", table, _StudyFile))
     except UsageError as error:
         words = str(error)
         if not words.startswith(str(file)):
@@ -62,108 +84,80 @@ def read_study(path: str | Path) -> Study:
         raise UsageError(words) from error
 
 
-@functools.cache
-def _fields() -> "tuple[type[BaseModel], type[BaseModel]]":
-    """Return the models of a study file and of its tables [[runs]].
-
-    pydantic is imported on demand.
-    """
-    from pydantic import BaseModel, ConfigDict
-
-    class Runs(BaseModel):
-        model_config = ConfigDict(extra="forbid", strict=True)
-        pattern: str
-        rig: str | None = None
-        reading: dict[str, Any] = {}
-
-    class StudyFile(BaseModel):
-        model_config = ConfigDict(extra="forbid", strict=True)
-        root: str = "."
-        friction: str | list[str] = "coulomb"
-        free: str | list[str] | None = None
-        include: str | list[str] = []
-        exclude: str | list[str] = []
-        facts: str | list[str] = []
-        rig: str | None = None
-        restoring: str | None = None
-        mass: str | float | None = None
-        stiffness: str | float | None = None
-        normal_force: str | float | None = None
-        drag: float | None = None
-        fix: dict[str, float] = {}
-        engine: str = "auto"
-        start: str | float = "first_reversal"
-        nuisance: str | list[str] | None = None
-        loss: str = "squares"
-        noise: str = "auto"
-        guess: dict[str, float] = {}
-        bounds: dict[str, str] = {}
-        priors: dict[str, str] = {}
-        tie: dict[str, str] = {}
-        residuals: bool = False
-        reading: dict[str, Any] = {}
-        runs: list[Runs] = []
-
-    return StudyFile, Runs
-
-
-def _checked(file: Path, table: Mapping[str, Any]) -> Any:
-    """Validate the types of the fields of a study file."""
-    from pydantic import BaseModel, ValidationError
-
-    fields, runs = _fields()
-    try:
-        checked: BaseModel = fields.model_validate(table)
-    except ValidationError as error:
-        raise UsageError(f"{file}: {_sentence(error, list(fields.model_fields), list(runs.model_fields))}") from error
-    return checked
-
-
 _KINDS = {
-    "string_type": "a text in quotes",
-    "float_type": "a number",
-    "int_type": "a number",
-    "bool_type": "true or false",
-    "list_type": "a list",
-    "dict_type": "a table",
+    str: "a text in quotes",
+    float: "a number",
+    bool: "true or false",
+    list[str]: "a text in quotes or a list",
+    list[_Runs]: "a list",
 }
 
 
-def _sentence(error: "ValidationError", fields: list[str], of_runs: list[str]) -> str:
-    """Describe the first validation error in one sentence."""
-    errors = error.errors()
-    first = errors[0]
-    # The location also contains the branches of a union.
-    branch = re.compile(r".*[\[\]].*|str|float|int")
-    place = [part for part in first["loc"] if not (isinstance(part, str) and branch.fullmatch(part))]
-    names = [str(part) if isinstance(part, str) else f"[{int(part) + 1}]" for part in place]
-    field = ".".join(names).replace(".[", "[")
-    known = of_runs if names[0] == "runs" and len(names) > 1 else fields
-    if first["type"] == "extra_forbidden":
-        return f"there is no key '{field}' in a study file.{nearest(names[-1], known)} Known are {', '.join(known)}."
-    if first["type"] == "missing":
-        return f"'{field}' is missing; add a line such as {names[-1]} = \"lab_b/**\"."
-    same = [each for each in errors if each["loc"][: len(place)] == first["loc"][: len(place)]]
-    kinds = list(dict.fromkeys(_KINDS.get(each["type"], each["msg"]) for each in same))
-    return f"'{field}' must be {' or '.join(kinds)}, got {brief(first['input'])}."
+def _checked(place: str, value: Any, kind: Any) -> Any:
+    """Return a value in the type of its key."""
+    kinds = get_args(kind) if isinstance(kind, types.UnionType) else (kind,)
+    for each in kinds:
+        origin, inner = get_origin(each) or each, get_args(each)
+        if origin is Any or type(value) is each:
+            return value
+        if origin is float and type(value) is int:
+            return float(value)
+        if each == list[str] and isinstance(value, str):
+            return [value]
+        if isinstance(value, list) and origin is list:
+            return [_checked(f"{place}[{i}]", item, inner[0]) for i, item in enumerate(value, 1)]
+        if isinstance(value, dict) and origin is dict:
+            return {name: _checked(f"{place}.{name}", item, inner[1]) for name, item in value.items()}
+        if isinstance(value, dict) and is_dataclass(each):
+            return _table(f"{place}.", value, each)
+    words = [_KINDS.get(each, "a table") for each in kinds if each is not types.NoneType]
+    raise UsageError(f"'{place}' must be {' or '.join(words)}, got {brief(value)}.")
 
 
-def _study(folder: Path, asked: Any) -> Study:
+def _table(place: str, table: dict[str, Any], kind: Any) -> Any:
+    """Return a table as the dataclass of its keys."""
+    kinds = {each.name: each.type for each in fields(kind)}
+    for key in table:
+        if key not in kinds:
+            known = f"{nearest(key, kinds)} Known are {', '.join(kinds)}."
+            raise UsageError(f"there is no key '{place}{key}' in a study file.{known}")
+    if kind is _Runs and "pattern" not in table:
+        raise UsageError(f"'{place}pattern' is missing; add a line such as pattern = \"lab_b/**\".")
+    return kind(**{key: _checked(f"{place}{key}", value, kinds[key]) for key, value in table.items()})
+
+
+def _study(folder: Path, asked: _StudyFile) -> Study:
     """Build the study from validated fields."""
     from ..fitting.settings import check_settings
     from ..machine.choose import choose
     from ..rig import Rig
 
-    settings = _settings(asked)
+    settings = {
+        "bounds": {name: parsing.span(f"bounds.{name}", text) for name, text in asked.bounds.items()},
+        "priors": {name: parsing.estimate(f"priors.{name}", text) for name, text in asked.priors.items()},
+        "tie": {name: parsing.tied(text) for name, text in asked.tie.items()},
+        **{name: getattr(asked, name) for name in ("nuisance", "start", "guess", "loss", "noise")},
+    }
+    # If rules have rigs and the study has no machine, validate the study with the first of these rigs.
+    rigs = [runs.rig for runs in asked.runs if runs.rig]
+    only_rules = asked.rig is None and asked.normal_force is None and bool(rigs)
+    rig = rigs[0] if only_rules else asked.rig
+    texts = {name: getattr(asked, name) for name in ("mass", "stiffness", "normal_force")}
+    machine: dict[str, Any] = {
+        **vars(asked),
+        **{name: None if value is None else str(value) for name, value in texts.items()},
+        "rig": None if rig is None else folder / rig,
+        "fix": [f"{name}={value!r}" for name, value in asked.fix.items()] or None,
+    }
+    free = None if asked.free is None else ",".join(asked.free)
     choices = {}
-    for friction in _texts(asked.friction):
-        words: Any = SimpleNamespace(friction=friction, **_machine(folder, asked))
-        free = None if asked.free is None else ",".join(_texts(asked.free))
-        choice = choose(words, free, tuple(settings["tie"]))
+    for friction in asked.friction:
+        options: Any = SimpleNamespace(**{**machine, "friction": friction})
+        choice = choose(options, free, tuple(settings["tie"]))
         check_settings(choice.model, choice.free, 1, {**settings, "sigma_mode": "absolute"})
         choices["+".join(law.name.lower() for law in choice.laws)] = choice
     first = next(iter(choices.values()))
-    base = None if _only_rules(asked) else first.rig
+    base = None if only_rules else first.rig
     rules = []
     for runs in asked.runs:
         rig = base if runs.rig is None else Rig.from_toml(folder / runs.rig)
@@ -172,49 +166,11 @@ def _study(folder: Path, asked: Any) -> Study:
     return Study(
         folder / asked.root,
         tuple(Law(name, choice.oscillator, choice.free) for name, choice in choices.items()),
-        include=tuple(_texts(asked.include)),
-        exclude=tuple(_texts(asked.exclude)),
+        include=tuple(asked.include),
+        exclude=tuple(asked.exclude),
         rules=tuple(rules),
-        facts=tuple(_texts(asked.facts)),
+        facts=tuple(asked.facts),
         settings={**settings, "engine": first.engine},
         calibrated=base is not None,
         residuals=asked.residuals,
     )
-
-
-def _machine(folder: Path, asked: Any) -> dict[str, Any]:
-    """Return the arguments for :mod:`fricjax.machine.choose`, without the law."""
-    # If only rules have rigs, validate the study with the first of them.
-    rig = next(runs.rig for runs in asked.runs if runs.rig) if _only_rules(asked) else asked.rig
-    texts = {name: getattr(asked, name) for name in ("mass", "stiffness", "normal_force")}
-    return {
-        "rig": None if rig is None else folder / rig,
-        "fix": [f"{name}={value!r}" for name, value in asked.fix.items()] or None,
-        "restoring": asked.restoring,
-        **{name: None if value is None else str(value) for name, value in texts.items()},
-        "drag": asked.drag,
-        "engine": asked.engine,
-    }
-
-
-def _only_rules(asked: Any) -> bool:
-    """Return True if rules have rigs and the study has no rig."""
-    return asked.rig is None and asked.normal_force is None and any(runs.rig for runs in asked.runs)
-
-
-def _settings(asked: Any) -> dict[str, Any]:
-    """Return the keywords of `fricjax.fit_batch`."""
-    return {
-        "nuisance": None if asked.nuisance is None else _texts(asked.nuisance),
-        "start": asked.start if isinstance(asked.start, str) else float(asked.start),
-        "bounds": {name: parsing.span(f"bounds.{name}", text) for name, text in asked.bounds.items()},
-        "priors": {name: parsing.estimate(f"priors.{name}", text) for name, text in asked.priors.items()},
-        "tie": {name: parsing.tied(text) for name, text in asked.tie.items()},
-        "guess": {name: float(value) for name, value in asked.guess.items()},
-        "loss": asked.loss,
-        "noise": asked.noise,
-    }
-
-
-def _texts(value: str | list[str]) -> list[str]:
-    return [value] if isinstance(value, str) else value

@@ -9,12 +9,13 @@ import json
 import math
 import os
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from ..errors import needed
 from ..show.tables import Variable, dataset
-from .study import SCHEMA
+from .study import SCHEMA, facts_in
 
 # Columns with their Arrow types; a list holds the short series of a picture.
 _BEFORE = dict.fromkeys(("key", "file", "run", "friction", "status", "outcome", "warnings"), "string")
@@ -28,9 +29,9 @@ _AFTER = {
     "load": "float64",
     "rig": "string",
 }
-_PICTURES = ("sketch_t", "sketch_x", "sketch_residual", "reversal_t", "reversal_x")
+PICTURES = ["sketch_t", "sketch_x", "sketch_residual", "reversal_t", "reversal_x"]
 _LAST = {
-    **dict.fromkeys(_PICTURES, "list"),
+    **dict.fromkeys(PICTURES, "list"),
     "sha256": "string",
     "bytes": "int64",
     "modified": "string",
@@ -43,82 +44,56 @@ STATUSES = ("ok", "invalid", "rejected", "failed")
 """Status of a run: valid fit, fit that should not be trusted, no valid data, or unexpected error."""
 COLUMNS = (*_BEFORE, *_AFTER, *_LAST)
 """Columns of every table; those of parameters and facts are placed between them."""
-REMEMBERED = ("file", "status", "settings", "sha256", "bytes", "modified", "inode")
-"""Columns that a plan needs."""
-_PARTS = b"fricjax.parts"
-_FACTS = b"fricjax.facts"
-
-
-def arrow() -> Any:
-    """Import pyarrow.
-
-    Raises:
-        UsageError: pyarrow is not installed.
-    """
-    needed("An archive", "pyarrow.parquet", "batch")
-    return needed("An archive", "pyarrow", "batch")
 
 
 def of_rows(rows: Sequence[Mapping[str, Any]]) -> Any:
     """Convert rows to an Arrow table; parameter columns keep their order."""
-    pa = arrow()
+    pa = needed("An archive", "pyarrow", "batch")
     named = dict.fromkeys(name for row in rows for name in row)
     parameters = {name: "float64" for name in named if name not in COLUMNS}
     types = {"string": pa.string(), "int64": pa.int64(), "float64": pa.float64(), "list": pa.list_(pa.float32())}
     kinds = {**_BEFORE, **parameters, **_AFTER, **_LAST}
-    columns = [pa.array([row.get(name) for row in rows], types[kind]) for name, kind in kinds.items()]
-    return pa.table(columns, pa.schema(list(zip(kinds, (types[k] for k in kinds.values()), strict=True))))
+    return pa.table({name: pa.array([row.get(name) for row in rows], types[kind]) for name, kind in kinds.items()})
 
 
-def joined(
-    tables: Sequence[tuple[str, Any]], facts_of: Callable[[str], Mapping[str, str]], root: str | None = None
-) -> Any:
-    """Merge parts, keeping the newest rows of each file and law.
+def joined(tables: Sequence[tuple[str, Any]], facts: Sequence[str], root: Path | None = None) -> Any:
+    """Merge named parts, oldest first, into one table sorted by file.
 
-    The rows are sorted by file.
-
-    Args:
-        tables: the parts with their names, from oldest to newest.
-        facts_of: function that extracts facts from a path.
-        root: the folder of the files. If a file is missing there and its bytes exist under another path, it was moved,
-            and its records are dropped.
+    The newest rows of each file and law remain, and `facts` are the templates of further columns. If a file is missing
+    in the folder `root` and its bytes exist under another path, it was moved, and its records are dropped.
     """
-    pa = arrow()
+    pa = needed("An archive", "pyarrow", "batch")
     origin = [number for number, (_, table) in enumerate(tables) for _ in range(table.num_rows)]
-    bare = [table.drop_columns([n for n in _facts(table) if n in table.column_names]) for _, table in tables]
-    full = pa.concat_tables([table.replace_schema_metadata() for table in bare], promote_options="default")
-    places, laws, keys = (full.column(name).to_pylist() for name in ("file", "friction", "key"))
+    bare = [without_facts(table).replace_schema_metadata() for _, table in tables]
+    table = pa.concat_tables(bare, promote_options="default")
+    places, laws, keys = (table.column(name).to_pylist() for name in ("file", "friction", "key"))
     newest = {(file, law): number for file, law, number in zip(places, laws, origin, strict=True)}
     kept = [i for i, number in enumerate(origin) if newest[places[i], laws[i]] == number]
     copies = Counter(keys[i] for i in kept)
     if root is not None:
-        gone = lambda i: copies[keys[i]] > 1 and not os.path.lexists(os.path.join(root, places[i]))
-        kept = [i for i in kept if not gone(i)]
+        kept = [i for i in kept if copies[keys[i]] == 1 or os.path.lexists(root / places[i])]
     kept.sort(key=lambda i: (places[i], laws[i]))
-    table = full.take(pa.array(kept, pa.int64()))
-    of_facts = _fact_columns([facts_of(file) for file in table.column("file").to_pylist()])
-    for name, values in of_facts.items():
-        if name not in table.column_names:
-            table = table.append_column(name, pa.array(values))
-    facts = [name for name in of_facts if name not in full.column_names]
-    parameters = [name for name in full.column_names if name not in COLUMNS]
-    table = table.select([*_BEFORE, *parameters, *_AFTER, *facts, *_LAST])
-    names = [name for part, each in tables for name in (parts_in(each) or [part])]
-    notes = {b"schema": SCHEMA.encode(), _PARTS: json.dumps(names).encode(), _FACTS: json.dumps(facts).encode()}
-    return table.replace_schema_metadata(notes)
+    parameters = [name for name in table.column_names if name not in COLUMNS]
+    columns = _fact_columns([facts_in(facts, places[i]) for i in kept])
+    # A fact does not replace a column of the table, such as the load.
+    added = [name for name in columns if name not in table.column_names]
+    table = table.take(pa.array(kept, pa.int64()))
+    for name in added:
+        table = table.append_column(name, pa.array(columns[name]))
+    table = table.select([*_BEFORE, *parameters, *_AFTER, *added, *_LAST])
+    parts = [name for part, each in tables for name in (note(each, "parts") or [part])]
+    notes = {"schema": SCHEMA, "parts": parts, "facts": added, "templates": list(facts)}
+    return table.replace_schema_metadata({f"fricjax.{name}": json.dumps(value) for name, value in notes.items()})
 
 
-def parts_in(table: Any) -> list[str]:
-    """Return the names of the merged parts, empty for a part."""
-    return json.loads((_metadata(table)).get(_PARTS, b"[]"))
+def note(table: Any, name: str) -> list[str]:
+    """Return the "parts", "facts" or "templates" of a merged table."""
+    return json.loads((table.schema.metadata or {}).get(f"fricjax.{name}".encode(), b"[]"))
 
 
-def _facts(table: Any) -> list[str]:
-    return json.loads(_metadata(table).get(_FACTS, b"[]"))
-
-
-def _metadata(table: Any) -> Mapping[bytes, bytes]:
-    return table.schema.metadata or {}
+def without_facts(table: Any) -> Any:
+    """Return a table without its fact columns."""
+    return table.drop_columns([name for name in note(table, "facts") if name in table.column_names])
 
 
 def _fact_columns(facts: Sequence[Mapping[str, str]]) -> dict[str, list[Any]]:
@@ -126,30 +101,17 @@ def _fact_columns(facts: Sequence[Mapping[str, str]]) -> dict[str, list[Any]]:
     columns: dict[str, list[Any]] = {}
     for name in dict.fromkeys(name for row in facts for name in row):
         texts = [row.get(name) for row in facts]
-        numbers = [_number(text) for text in texts]
-        numeric = all(number is not None for number, text in zip(numbers, texts, strict=True) if text is not None)
-        columns[name] = numbers if numeric else texts
+        try:
+            numbers = [math.nan if text is None else float(text) for text in texts]
+        except ValueError:
+            numbers = []
+        finite = all(text is None or math.isfinite(number) for text, number in zip(texts, numbers, strict=False))
+        columns[name] = [None if math.isnan(n) else n for n in numbers] if numbers and finite else texts
     return columns
 
 
-def _number(text: str | None) -> float | None:
-    try:
-        number = float("nan" if text is None else text)
-    except ValueError:
-        return None
-    return number if math.isfinite(number) else None
-
-
 def netcdf(row: Mapping[str, Any], samples: Any) -> bytes:
-    """Return times, displacements and residuals of a run as netCDF-4.
-
-    Args:
-        row: row of the run in the table, for the attributes.
-        samples: sketch of all its samples.
-
-    Raises:
-        UsageError: a package is not installed.
-    """
+    """Return times, displacements and residuals of a run as netCDF-4."""
     needed("A file of residuals", "h5netcdf", "batch")
     unit = row["quantity"]
     named = {
@@ -157,8 +119,7 @@ def netcdf(row: Mapping[str, Any], samples: Any) -> bytes:
         "residual": Variable("t", samples.residual, unit, "measured minus model"),
     }
     times = {"t": Variable("t", samples.t, "s", "time from the first sample")}
-    kept = ("key", "file", "run", "friction", "status", "sha256", "fricjax")
+    facts = {name: str(row[name]) for name in ("key", "file", "run", "friction", "status", "sha256", "fricjax")}
     buffer = io.BytesIO()
-    facts = {name: str(row[name]) for name in kept}
     dataset(named, times, Conventions="CF-1.11", **facts).to_netcdf(buffer, engine="h5netcdf")
     return buffer.getvalue()

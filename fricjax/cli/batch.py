@@ -69,30 +69,23 @@ class Workers:
     scheduler: Annotated[
         str | None, Option(metavar="ADDRESS", help="Address of a Dask scheduler, such as tcp://192.168.0.1:8786.")
     ] = None
-    cluster: Annotated[Path | None, Option(metavar="FILE", help="File that describes SLURM jobs (slurm.toml).")] = None
 
     def executor(self) -> "Executor | None":
         """Return the executor of the chunks; None for this process.
 
         Raises:
-            UsageError: more than one of the options is given, or the workers are not available.
-            DataError: the file cannot be read.
+            UsageError: both options are given, or the workers are not available.
         """
-        chosen = [f"--{name}" for name, value in vars(self).items() if value is not None]
-        if len(chosen) > 1:
-            raise UsageError(f"{chosen[0]} and {chosen[1]} cannot both do the work; leave one out.")
+        if self.workers is not None and self.scheduler is not None:
+            raise UsageError("--workers and --scheduler cannot both do the work; leave one out.")
         if self.workers is not None:
-            from ..archive.distributed import workers
+            from ..archive.execute import workers
 
             return workers(self.workers)
         if self.scheduler is not None:
-            from ..archive.distributed import scheduler
+            from ..archive.execute import scheduler
 
             return scheduler(self.scheduler)
-        if self.cluster is not None:
-            from ..archive.cluster import slurm
-
-            return slurm(self.cluster)
         return None
 
 
@@ -118,10 +111,10 @@ def batch(
             raise UsageError(f"There is no folder or file '{path}'.{nearest(path.name, siblings)} Check the path.")
     execute = workers.executor()
     study = _study(runs, batch, fitting, bench, reading, output)
-    from ..archive.driver import plan_of, process
+    from ..archive import driver
 
     if batch.dry_run:
-        planned = plan_of(study, batch.out, retry=batch.retry_failed, shard=shard)
+        planned = driver.plan_of(study, batch.out, retry=batch.retry_failed, shard=shard)
         finish(output, {"schema": "fricjax.plan/1", **_plan_data(planned)}, _plan_text(planned))
         return
     done = total = 0
@@ -132,7 +125,9 @@ def batch(
 
     try:
         with _two_interrupts(), working(output, f"Filling {batch.out}"):
-            archive = process(study, batch.out, retry=batch.retry_failed, shard=shard, execute=execute, tell=count)
+            archive = driver.batch(
+                study, batch.out, retry_failed=batch.retry_failed, shard=shard, execute=execute, tell=count
+            )
     except KeyboardInterrupt as error:
         raise Interrupted(
             f"Interrupted. {done} of {total} files are done and kept in {batch.out}; the same command goes on with the "
@@ -239,10 +234,10 @@ def text_of(archive: "Archive") -> str:
 
 
 def _plan_data(planned: "Plan") -> dict[str, Any]:
-    jobs = planned.jobs
+    jobs = [job for chunk in planned.chunks for job in chunk]
     sizes = {
         "files": len(planned.files),
-        "done": len(planned.known),
+        "done": planned.done,
         "to_do": len(jobs),
         "changed": list(planned.changed),
         "links": list(planned.links),

@@ -32,7 +32,6 @@ _PACKAGES = (
 _EXTRAS = {
     "formats": ("openpyxl", "nptdms", "pyarrow", "pyuff", "asammdf"),
     "batch": ("pyarrow", "duckdb", "distributed", "cryptography", "xarray", "h5netcdf"),
-    "cluster": ("dask_jobqueue",),
     "bayes": ("numpyro", "arviz"),
     "sens": ("SALib",),
     "interchange": ("xarray", "uncertainties", "lmfit"),

@@ -152,7 +152,7 @@ def content(path: Path, largest: int, refused: type[ValueError] = DataError) -> 
 def read_toml(
     path: Path, kind: str, keys: Collection[str] | None = None, required: Mapping[str, str] | None = None
 ) -> dict[str, Any]:
-    """Read a settings file in TOML (rig, study or cluster).
+    """Read a settings file in TOML (rig or study).
 
     Args:
         path: the file.

@@ -53,7 +53,7 @@ def ready() -> None:
 def cores() -> int:
     """Return the number of cores that this process may use.
 
-    Queues of clusters, `taskset` and the local workers of an archive limit a process to some of the cores.
+    Job queues, `taskset` and the local workers of an archive limit a process to some of the cores.
 
     Examples:
         >>> cores() >= 1

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..archive.driver import name_of
+from ..archive.study import name_of
 from ..data import Record
 from ..errors import DataError
 from ..fitting import Fit

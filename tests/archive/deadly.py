@@ -12,7 +12,7 @@ class Deadly(Work):
     """Kill the worker at each file named "deadly..."."""
 
     def __call__(self, chunk):
-        if any(Path(job.file).name.startswith("deadly") for job in chunk.jobs):
+        if any(Path(job.file).name.startswith("deadly") for job in chunk):
             os.kill(os.getpid(), signal.SIGKILL)
         return super().__call__(chunk)
 
@@ -35,7 +35,7 @@ class Slow(Work):
     """Sleep in each chunk without a text file."""
 
     def __call__(self, chunk):
-        if not any(job.file.endswith(".csv") for job in chunk.jobs):
+        if not any(job.file.endswith(".csv") for job in chunk):
             time.sleep(8)
         return super().__call__(chunk)
 

@@ -41,7 +41,7 @@ class Watched:
 
     def __call__(self, chunks, work):
         for chunk in chunks:
-            self.files += [job.file for job in chunk.jobs]
+            self.files += [job.file for job in chunk]
             yield chunk, work(chunk)
 
 

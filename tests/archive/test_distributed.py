@@ -12,8 +12,7 @@ import pandas as pd
 import pytest
 
 import fricjax as fj
-from fricjax.archive import distributed
-from fricjax.archive.distributed import scheduler, workers
+from fricjax.archive import execute, scheduler, workers
 from fricjax.archive.driver import plan_of
 from fricjax.archive.study import Law, Study
 from fricjax.archive.work import Work
@@ -77,7 +76,7 @@ def cluster(folder, workers):
     while not file.exists():
         time.sleep(0.05)
     where = pd.read_json(file, typ="series")["address"]
-    preload = ("--preload", "fricjax.archive.distributed", "--local-directory", str(folder))
+    preload = ("--preload", "fricjax.archive.execute", "--local-directory", str(folder))
     started += [dask("worker", where, "--nworkers", str(workers), "--nthreads", "1", *local, *preload)]
     yield where, started[0]
     for process in reversed(started):
@@ -102,8 +101,8 @@ def test_workers_elsewhere_give_the_rows_of_this_process(runs, expected, address
 
 def by(address, kind):
     """Return an executor with another kind of work."""
-    execute = scheduler(address)
-    return lambda chunks, work: execute(chunks, kind(work.study))
+    connected = scheduler(address)
+    return lambda chunks, work: connected(chunks, kind(work.study))
 
 
 @pytest.mark.slow
@@ -181,13 +180,13 @@ def place(dask_worker):
 def test_workers_of_this_machine_have_a_core_each():
     """Without separate cores, the threads of two workers would compete."""
     usable = sorted(os.sched_getaffinity(0))
-    with distributed._local(3) as client:
+    with execute._connected(3) as client:
         places = dict(client.run(place).values())
     assert places == {number: [usable[number % len(usable)]] for number in range(3)}
 
 
 def test_no_scheduler(runs, tmp_path, monkeypatch):
-    monkeypatch.setattr(distributed, "_ANSWERS", 0.2)
+    monkeypatch.setattr(execute, "_ANSWERS", 0.2)
     with pytest.raises(UsageError, match=r"No scheduler answers at tcp://127\.0\.0\.1:9\. Start one: dask scheduler"):
         fj.batch(runs, tmp_path / "out", MACHINE, FREE, execute=scheduler("tcp://127.0.0.1:9"))
     with pytest.raises(UsageError, match="'somewhere' is no address of a scheduler"):
@@ -205,7 +204,7 @@ class Client:
 
 
 def test_workers_that_would_give_other_results_are_refused():
-    refuse = distributed._check_workers
+    refuse = execute._check_workers
     with pytest.raises(UsageError, match=r"tcp://a:1 has fricjax 0\.0\.1, and this is"):
         refuse(Client({"tcp://a:1": ("0.0.1", True)}), Path("runs"))  # pyright: ignore[reportArgumentType]
     with pytest.raises(UsageError, match=r"tcp://a:1 does not see runs\. Put the runs where all workers find them"):

@@ -8,8 +8,7 @@ import pytest
 
 import fricjax as fj
 from fricjax.archive import Law, Rule, Study
-from fricjax.archive.driver import process
-from fricjax.archive.plan import Chunk, Signature, hash_of, iso_time, plan
+from fricjax.archive.plan import Signature, hash_of, iso_time, plan
 from fricjax.archive.store import Store
 from fricjax.archive.table import COLUMNS, joined, of_rows
 from fricjax.archive.work import Done
@@ -31,14 +30,14 @@ def study(tmp_path):
 
 def made_up(job, work, status="ok"):
     """Return a row like that of a worker."""
-    (row,) = work.failed(Chunk((job,)), ValueError("made up")).rows
+    (row,) = work.unfitted((job,), {"status": "failed", "outcome": "made up"}).rows
     return {**row, "status": status, "mu": 0.05, "sha256": hash_of(work.study.root / job.file)}
 
 
 def one_by_one(chunks, work):
     for chunk in chunks:
-        for job in chunk.jobs:
-            yield Chunk((job,)), Done([made_up(job, work)], {})
+        for job in chunk:
+            yield (job,), Done([made_up(job, work)], {})
 
 
 def until(end):
@@ -56,10 +55,10 @@ def until(end):
 @pytest.mark.parametrize("end", [KeyboardInterrupt(), MemoryError()])
 def test_what_is_done_is_kept(study, tmp_path, end):
     with pytest.raises(type(end)):
-        process(study, tmp_path / "out", execute=until(end))
+        fj.batch(study, tmp_path / "out", execute=until(end))
     assert len(fj.open_archive(tmp_path / "out")) == 3
     progress = []
-    archive = process(study, tmp_path / "out", execute=one_by_one, tell=lambda *words: progress.append(words[:2]))
+    archive = fj.batch(study, tmp_path / "out", execute=one_by_one, tell=lambda *words: progress.append(words[:2]))
     assert progress == [(number, 5) for number in range(1, 6)]
     assert archive.to_dataframe()["number"].tolist() == list(range(8))
 
@@ -77,10 +76,10 @@ def test_a_full_disk_loses_no_record(study, tmp_path, monkeypatch):
 
     monkeypatch.setattr(store, "write_bytes", limited)
     with pytest.raises(OSError, match=r"no space left on its disk. 3 of 8 files are done and kept"):
-        process(study, tmp_path / "out", execute=one_by_one)
+        fj.batch(study, tmp_path / "out", execute=one_by_one)
     monkeypatch.undo()
     assert len(fj.open_archive(tmp_path / "out")) == 3
-    assert len(process(study, tmp_path / "out", execute=one_by_one)) == 8
+    assert len(fj.batch(study, tmp_path / "out", execute=one_by_one)) == 8
 
 
 def test_a_table_that_cannot_be_written_is_reported(study, tmp_path, monkeypatch):
@@ -90,30 +89,30 @@ def test_a_table_that_cannot_be_written_is_reported(study, tmp_path, monkeypatch
     with monkeypatch.context() as patch:
         patch.setattr(Store, "write_table", full)
         with pytest.raises(OSError, match="All files are done and their rows kept; start again to write the table"):
-            process(study, tmp_path / "out", execute=one_by_one)
-    assert len(process(study, tmp_path / "out", execute=one_by_one)) == 8
+            fj.batch(study, tmp_path / "out", execute=one_by_one)
+    assert len(fj.batch(study, tmp_path / "out", execute=one_by_one)) == 8
 
 
 def test_a_clock_set_back_changes_nothing(study, tmp_path, monkeypatch):
-    process(study, tmp_path / "out", execute=one_by_one)
+    fj.batch(study, tmp_path / "out", execute=one_by_one)
     file = study.root / "run_3.csv"
     file.write_text("changed\n")
     monkeypatch.setattr("time.time_ns", lambda: 10**18)
-    process(study, tmp_path / "out", execute=one_by_one)
-    table = process(study, tmp_path / "out", execute=one_by_one).to_dataframe()
+    fj.batch(study, tmp_path / "out", execute=one_by_one)
+    table = fj.batch(study, tmp_path / "out", execute=one_by_one).to_dataframe()
     assert table.set_index("file").sha256["run_3.csv"] == hash_of(file) and len(table) == 8
 
 
 def test_a_driver_killed_before_its_first_file_can_be_continued(study, tmp_path):
     for name in ("parts", "runs"):
         (tmp_path / "out" / name).mkdir(parents=True)
-    assert len(process(study, tmp_path / "out", execute=one_by_one)) == 8
-    process(study, tmp_path / "other", execute=one_by_one)
+    assert len(fj.batch(study, tmp_path / "out", execute=one_by_one)) == 8
+    fj.batch(study, tmp_path / "other", execute=one_by_one)
     for part in (tmp_path / "other" / "parts").iterdir():
         part.unlink()
     (tmp_path / "other" / "parts").rmdir()
     (tmp_path / "other" / "table.parquet").unlink()
-    assert len(process(study, tmp_path / "other", execute=one_by_one)) == 8
+    assert len(fj.batch(study, tmp_path / "other", execute=one_by_one)) == 8
 
 
 @pytest.mark.skipif(os.name == "nt", reason="file names are text there")
@@ -133,11 +132,11 @@ def test_links_to_folders_are_named(study, tmp_path):
     (study.root / "linked").symlink_to(tmp_path / "elsewhere", target_is_directory=True)
     assert plan(study).links == ("linked",)
     with pytest.warns(UserWarning, match="Links to folders are not followed: linked"):
-        process(study, tmp_path / "out", execute=one_by_one)
+        fj.batch(study, tmp_path / "out", execute=one_by_one)
 
 
 def test_a_query_has_no_files(study, tmp_path, monkeypatch):
-    archive = process(study, tmp_path / "out", execute=one_by_one)
+    archive = fj.batch(study, tmp_path / "out", execute=one_by_one)
     monkeypatch.chdir(tmp_path)
     (tmp_path / ".tmp").mkdir()
     for sql in ("copy (select 1) to '.tmp/x.csv'", "select * from read_text('.tmp/*')"):
@@ -148,7 +147,7 @@ def test_a_query_has_no_files(study, tmp_path, monkeypatch):
 
 def test_what_is_half_written_is_not_read(study, tmp_path):
     out = tmp_path / "out"
-    process(study, out, execute=one_by_one)
+    fj.batch(study, out, execute=one_by_one)
     part = next((out / "parts").iterdir())
     (out / "parts" / ".fricjax-0123456789abcdef.tmp").write_bytes(part.read_bytes()[:100])
     assert len(fj.open_archive(out)) == 8
@@ -159,7 +158,7 @@ def test_what_is_half_written_is_not_read(study, tmp_path):
 
 
 def test_a_table_that_is_gone_is_made_of_its_parts(study, tmp_path):
-    before = process(study, tmp_path / "out", execute=one_by_one).to_dataframe()
+    before = fj.batch(study, tmp_path / "out", execute=one_by_one).to_dataframe()
     (tmp_path / "out" / "table.parquet").unlink()
     after = fj.open_archive(tmp_path / "out").to_dataframe()
     assert before.astype(str).equals(after.astype(str))
@@ -168,22 +167,22 @@ def test_a_table_that_is_gone_is_made_of_its_parts(study, tmp_path):
 def test_failed_runs_are_tried_again_on_request(study, tmp_path):
     def failing(chunks, work):
         for chunk in chunks:
-            statuses = ["failed" if job.file == "run_3.csv" else "ok" for job in chunk.jobs]
+            statuses = ["failed" if job.file == "run_3.csv" else "ok" for job in chunk]
             yield (
                 chunk,
-                Done([made_up(*pair[:1], work, pair[1]) for pair in zip(chunk.jobs, statuses, strict=True)], {}),
+                Done([made_up(*pair[:1], work, pair[1]) for pair in zip(chunk, statuses, strict=True)], {}),
             )
 
-    first = process(study, tmp_path / "out", execute=failing)
+    first = fj.batch(study, tmp_path / "out", execute=failing)
     assert first.counts == {"ok": 7, "invalid": 0, "rejected": 0, "failed": 1}
-    assert process(study, tmp_path / "out", execute=one_by_one).counts["failed"] == 1
-    again = process(study, tmp_path / "out", execute=one_by_one, retry=True)
+    assert fj.batch(study, tmp_path / "out", execute=one_by_one).counts["failed"] == 1
+    again = fj.batch(study, tmp_path / "out", execute=one_by_one, retry_failed=True)
     assert again.counts["failed"] == 0 and len(again) == 8
 
 
 def test_shards_share_the_files(study):
-    files = [[job.file for job in plan(study, shard=(part, 3)).jobs] for part in (1, 2, 3)]
-    assert sorted(file for part in files for file in part) == [f"run_{number}.csv" for number in range(8)]
+    chunks = [chunk for part in (1, 2, 3) for chunk in plan(study, shard=(part, 3)).chunks]
+    assert sorted(job.file for chunk in chunks for job in chunk) == [f"run_{number}.csv" for number in range(8)]
 
 
 def test_hidden_files_stores_and_loops_are_no_runs(study, tmp_path):
@@ -210,9 +209,9 @@ def test_keys_follow_bytes_settings_and_law(study):
 
 
 def test_rows_of_several_laws_have_the_columns_of_all():
-    row = dict.fromkeys(("key", "file", "run", "status", "sha256", "settings"), "a")
+    row = {**dict.fromkeys(("key", "run", "status", "sha256", "settings"), "a"), "file": "3"}
     parts = [of_rows([{**row, "friction": "coulomb", "mu": 0.1}]), of_rows([{**row, "friction": "b", "sigma0": 2.0}])]
-    table = joined([("1", parts[0]), ("2", parts[1])], lambda file: {"day": "3"})
+    table = joined([("1", parts[0]), ("2", parts[1])], ["{day}"])
     names = table.column_names
     assert set(COLUMNS) | {"mu", "sigma0", "day"} == set(names)
     assert names.index("warnings") < names.index("mu") < names.index("chi2_reduced") < names.index("day")
@@ -222,7 +221,7 @@ def test_rows_of_several_laws_have_the_columns_of_all():
 
 def test_cells_are_no_formulas(study, tmp_path):
     os.rename(study.root / "run_0.csv", study.root / "=1+1.csv")
-    archive = process(study, tmp_path / "out", execute=one_by_one)
+    archive = fj.batch(study, tmp_path / "out", execute=one_by_one)
     text = archive.to_csv(tmp_path / "all.csv").read_text()
     assert "\n=" not in text and ",=" not in text and "'=1+1.csv" in text
 
@@ -233,7 +232,7 @@ def test_a_time_is_known_to_the_nanosecond():
 
 
 def test_questions_to_an_archive(study, tmp_path):
-    archive = process(study, tmp_path / "out", execute=one_by_one)
+    archive = fj.batch(study, tmp_path / "out", execute=one_by_one)
     with pytest.raises(UsageError, match=r"no column 'mux'. Did you mean 'mu'"):
         archive.population("mux")
     with pytest.raises(UsageError, match=r"There is no row of 'coulomp'. Did you mean 'coulomb'"):

@@ -48,7 +48,7 @@ def test_files_get_the_first_rule_that_takes_them(written):
     ours, theirs = study.rule_of("lab_a/1.csv"), study.rule_of("lab_b/may/1.csv")
     assert (ours.rig_name, ours.reading) == ("a.toml", {"unit": "um"})
     assert (theirs.rig_name, theirs.reading) == ("b.toml", {"unit": "um", "column": "x"})
-    assert study.load_of({}, ours) == 9.66 and study.load_of({}, theirs) == 5.0
+    assert study.load_of("lab_a/1.csv") == 9.66 and study.load_of("lab_b/may/1.csv") == 5.0
     assert float(study.request(study.laws[0], theirs, 5.0).oscillator.normal_force) == 5.0
     assert study.settings["bounds"] == {"damping": (0.0, None)} and study.settings["start"] == 0.2
 
@@ -57,7 +57,7 @@ def test_without_a_rig_of_the_study_those_of_the_rules_count(written):
     rules = [f"[[runs]]\npattern = '{name}/**'\nrig = '{name}.toml'" for name in "ba"]
     study = read_study(written("\n".join(["free = ['mu', 'damping']", *rules])))
     assert study.laws[0].free == ("mu", "damping")
-    assert study.calibrated_by(study.rule_of("a/1.csv")) and not study.calibrated_by(study.rule_of("c/1.csv"))
+    assert study.rule_of("a/1.csv").rig and not study.calibrated and study.rule_of("c/1.csv").rig is None
 
 
 REFUSED = [

@@ -116,14 +116,14 @@ def test_wrong_usage(folder, store, fricjax):
 
 
 def test_ctrl_c_says_how_to_go_on(folder, fricjax, monkeypatch):
-    from fricjax.archive import execute
+    from fricjax.archive import driver
 
     def interrupted(chunks, work):
         yield chunks[0], work(chunks[0])
         raise KeyboardInterrupt
 
     out = folder.parent / "interrupted"
-    monkeypatch.setattr(execute, "in_this_process", interrupted)
+    monkeypatch.setattr(driver, "in_this_process", interrupted)
     called = fricjax("batch", folder, "--rig", RIG, "--out", out)
     assert called.code == 130
     assert "Interrupted. 1 of 3 files are done" in called.err or "Interrupted. 2 of 3 files are done" in called.err

@@ -278,5 +278,4 @@ def test_the_extras_of_the_doctor_are_those_of_the_package():
     for extra, modules in doctor._EXTRAS.items():
         # nbclient and nbmake run notebooks in tests, and "dask[distributed]" needs distributed.
         listed = {"distributed" if name == "dask" else name for name in packages(extra)} - {"nbclient", "nbmake"}
-        brought = packages("batch") - {"dask"} | {"distributed"} if extra == "cluster" else set()
-        assert set(modules) == listed - brought, extra
+        assert set(modules) == listed, extra

@@ -2,7 +2,6 @@
 
 import pytest
 
-from fricjax.archive.cluster import Slurm
 from fricjax.archive.study_file import read_study
 from fricjax.data.files import check_distinct, check_file
 from fricjax.errors import DataError, UsageError
@@ -56,7 +55,7 @@ def test_one_file_counts_once(folder, monkeypatch):
         check_distinct([folder / "run0.csv", folder / "link.csv"])
 
 
-SETTINGS = {"rig": Rig.from_toml, "study": read_study, "SLURM": Slurm.from_toml}
+SETTINGS = {"rig": Rig.from_toml, "study": read_study}
 NOT_SETTINGS = {
     "absent": (None, "There is no {kind} file '.*settings.toml'. Did you mean 'setting.toml'"),
     "wide": ("# " + "x" * 1000, "settings.toml: this is no {kind} file: a line has more than 1000 characters"),

@@ -25,7 +25,6 @@ EXCEPTED = {
     "pre-commit install": "changes the checkout's git",
     "-m pytest": "is this run",
     "mkdocs build": "tests/notebooks/test_pages.py builds the documentation",
-    "--cluster slurm.toml": "needs SLURM; tests/archive/test_cluster.py has a stand-in for it",
 }
 # Commands with a documented exit code other than 0.
 CODES = {"fricjax inspect sheet.csv": 4}
