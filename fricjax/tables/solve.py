@@ -16,8 +16,8 @@ from .mesh import Layout, Mesh, make_mesh
 # work, and all records of up to 256 half-cycles and a million samples share 3 x 6 programs for each layout.
 _HALF_CYCLES = (16, 64, 256)
 _SAMPLES = tuple(1024 * 4**i for i in range(6))
-# A last correction c leaves an error of c^2 of the amplitude. 1e-8 of 2 mm is 0.02 nm, so the error is far below it.
-_LARGEST_CORRECTION = 1e-8
+# The correction is the error of an amplitude: 2e-3 nm of 2 mm.
+_LARGEST_CORRECTION = 1e-9
 # The lapse of time is one over the phase rate. A tenth of the undisturbed rate is the limit of the other engines too.
 _SLOWEST_PHASE = 0.1
 
@@ -87,7 +87,7 @@ def is_resolved(motion: Decay) -> Any:
 
     Examples:
         >>> from fricjax.tables import Quality
-        >>> quality = Quality(correction=1e-12, phase_rate=0.9, speed=0.8, travel=0.9, iterations=6)
+        >>> quality = Quality(correction=1e-12, phase_rate=0.9, speed=0.8, travel=0.9)
         >>> empty = Decay(*(np.zeros(0),) * 7, quality)
         >>> bool(is_resolved(empty)), bool(is_resolved(empty._replace(quality=quality._replace(phase_rate=-0.1))))
         (True, False)
