@@ -26,6 +26,10 @@ from .mesh import Mesh
 
 
 _TINY = float(np.finfo(float).tiny)
+# The correction is the error of an amplitude that the iterations leave: 2e-3 nm of 2 mm.
+_LARGEST_CORRECTION = 1e-9
+# The lapse of time is one over the phase rate. A tenth of the undisturbed rate is the limit of the other engines too.
+_SLOWEST_PHASE = 0.1
 
 
 class Start(NamedTuple):
@@ -45,7 +49,7 @@ class Start(NamedTuple):
 
 
 class Quality(NamedTuple):
-    """Numbers that show whether a decay is resolved, each of shape ().
+    """Numbers that decide whether a decay is resolved, each of shape ().
 
     Attributes:
         correction: largest relative change of an amplitude by one more iteration [1], an estimate of the error that the
@@ -76,7 +80,10 @@ class Decay(NamedTuple):
             A set-valued law requires a positive excess at the start of each half-cycle, and rest otherwise.
         duration: time at the end of the last half-cycle [s], shape ().
         amplitudes: amplitudes at the points of the mesh, shape (half_cycles, points), as a start of the next iteration.
-        quality: numbers for :func:`is_resolved`.
+        resolved: whether the points resolve the motion and the tables cover it, shape (). If not, another engine must
+            integrate it: a half-cycle that barely leaves rest, a phase that runs backwards, iterations that do not
+            converge, or NaN. Estimate the remaining error by :func:`fricjax.tables.error`.
+        quality: numbers that decide it.
 
     Examples:
         >>> "excess" in Decay._fields
@@ -90,6 +97,7 @@ class Decay(NamedTuple):
     excess: Values
     duration: Values
     amplitudes: Values
+    resolved: Any
     quality: Quality
 
 
@@ -138,7 +146,9 @@ def decay(
     travel = xp.where(real, xp.abs(rates.x), 0.0) / forces.restoring.edges[-1]
     quality = Quality(xp.max(change), xp.min(relative), xp.max(speed), xp.max(travel))
     turning_points, excess = _rest_condition(xp, forces, mesh, rates)
-    return Decay(x, v, columns, turning_points, excess, nodes.duration, state.amplitudes, quality)
+    resolved = (quality.speed <= 1) & (quality.travel <= 1)
+    resolved &= (quality.correction <= _LARGEST_CORRECTION) & (quality.phase_rate >= _SLOWEST_PHASE)
+    return Decay(x, v, columns, turning_points, excess, nodes.duration, state.amplitudes, resolved, quality)
 
 
 class _Rates(NamedTuple):

@@ -145,7 +145,9 @@ class Tabulation:
         with np.errstate(all="ignore"):
             results = evaluate(self._program, *leaves, self._speeds.points, self._travels.points)
         (resisting, restoring, hysteresis, *levels), columns = results[:_LEVELS], results[_LEVELS:]
-        by_speed, by_travel, by_side = (_stacked(part, columns[i::3], self.columns) for i, part in enumerate(results[:3]))
+        by_speed, by_travel, by_side = (
+            _stacked(part, columns[i::3], self.columns) for i, part in enumerate(results[:3])
+        )
         return Forces(
             self._speeds.curve((resisting, resisting), (by_speed, by_speed)),
             self._travels.curve(

@@ -7,24 +7,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..oscillator import Oscillator
 from .decay import Decay, Start, decay
 from .forces import Forces, Values
-from .mesh import Layout, Mesh, make_mesh
+from .mesh import Mesh
 
 # Sizes of arrays that are compiled. Each is at most four times the needed one, so a decay does at most four times the
 # work, and all records of up to 256 half-cycles and a million samples share 3 x 6 programs for each layout.
 _HALF_CYCLES = (16, 64, 256)
 _SAMPLES = tuple(1024 * 4**i for i in range(6))
-# The correction is the error of an amplitude: 2e-3 nm of 2 mm.
-_LARGEST_CORRECTION = 1e-9
-# The lapse of time is one over the phase rate. A tenth of the undisturbed rate is the limit of the other engines too.
-_SLOWEST_PHASE = 0.1
 
 
-def solve(
-    forces: Forces, mesh: Mesh, start: Start, ts: Values, rests: Any = True, iterations: Any = 6
-) -> Decay:
+def solve(forces: Forces, mesh: Mesh, start: Start, ts: Values, rests: Any = True, iterations: Any = 6) -> Decay:
     """Integrate a decay by a compiled program of JAX.
 
     Arguments and results are those of :func:`fricjax.tables.decay`. All machines share a program: it depends on the
@@ -77,24 +70,6 @@ def padded(*, half_cycles: int, samples: int) -> Size:
     """
     pairs = ((half_cycles, _HALF_CYCLES), (samples, _SAMPLES))
     return Size(*(next((size for size in sizes if size >= number), number) for number, sizes in pairs))
-
-
-def is_resolved(motion: Decay) -> Any:
-    """Return True if the points resolve a decay and the tables cover it.
-
-    False means that another engine must integrate the motion: a half-cycle that barely leaves rest, a phase that runs
-    backwards, iterations that do not converge, or NaN. Estimate the remaining error by :func:`error`.
-
-    Examples:
-        >>> from fricjax.tables import Quality
-        >>> quality = Quality(correction=1e-12, phase_rate=0.9, speed=0.8, travel=0.9)
-        >>> empty = Decay(*(np.zeros(0),) * 7, quality)
-        >>> bool(is_resolved(empty)), bool(is_resolved(empty._replace(quality=quality._replace(phase_rate=-0.1))))
-        (True, False)
-    """
-    quality = motion.quality
-    within = (quality.speed <= 1) & (quality.travel <= 1)
-    return within & (quality.correction <= _LARGEST_CORRECTION) & (quality.phase_rate >= _SLOWEST_PHASE)
 
 
 class Error(NamedTuple):
