@@ -21,6 +21,7 @@ ORDER = [
     "data",
     "friction",
     "oscillator",
+    "tables",
     "instrument",
     "rig",
     "estimation",
@@ -28,7 +29,7 @@ ORDER = [
 ]
 ORDER += ["comparison", "machine", "calibrate", "pairs", "energy_loss", "uncertainty", "sensitivity", "archive"]
 ORDER += ["report", "cli"]
-TRACED = ("friction", "oscillator")
+TRACED = ("friction", "oscillator", "tables")
 HOST_ONLY = {"matplotlib", "pandas", "scipy", "h5py", "pint", "typer", "rich", "pydantic", "uncertainties"}
 HEAVY = ("pandas", "matplotlib", "scipy", "h5py", "pint")
 FILES = sorted(PACKAGE.rglob("*.py"))

@@ -134,7 +134,11 @@ def _random_law(
         (fr.MonotoneSpline(knots, forces), ("forces_0", "forces_2", "forces_4"), True),
         (fr.LoadDependent(mu, 2 / 3, load / 2, 0.1 * mu * load), ("mu", "exponent", "adhesion"), False),
         (fr.Coulomb(mu) + fr.Viscous(0.05 * mu * load / speed), ("mu", "sigma2"), False),
-        (fr.Stribeck(mu, static, scale) + fr.QuadraticDrag(0.1 * mu * load / speed**2), ("mu", "quadratic_drag"), False),
+        (
+            fr.Stribeck(mu, static, scale) + fr.QuadraticDrag(0.1 * mu * load / speed**2),
+            ("mu", "quadratic_drag"),
+            False,
+        ),
     )
     law, names, loose = laws[i % len(laws)]
     return fr.base.law_name(law), law, names, loose

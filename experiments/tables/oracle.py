@@ -136,7 +136,9 @@ class Machine:
         self.period = 2 * np.pi * np.sqrt(values["mass"] / values["stiffness"])
         load, mass = float(oscillator.normal_force), float(oscillator.mass)
         self.static = float(oscillator.friction.static_force(np.float64(load))) / mass
-        self.onset = float(oscillator.friction.set_valued_limit().sliding_force(np.float64(0.0), np.float64(load))) / mass
+        self.onset = (
+            float(oscillator.friction.set_valued_limit().sliding_force(np.float64(0.0), np.float64(load))) / mass
+        )
 
     def forces(self, u: float, x: float) -> tuple[float, float, np.ndarray, float, float, np.ndarray, float, float]:
         """Return D, dD/du, columns of D; r, dr/dx, columns of r; internal friction of the spring and its slope.

@@ -18,7 +18,7 @@ from ..estimation.passes import Pass, gather
 from ..oscillator import Motion, Oscillator, Start
 from ..oscillator.engines import AbstractEngine, AbstractPath, Demands
 from ..oscillator.oscillator import leaves_of
-from ..tables import Decay, Forces, Mesh, Tabulation, choose_layout, decay, is_resolved, make_mesh
+from ..tables import Decay, Forces, Mesh, Tabulation, choose_layout, decay, make_mesh
 from ..tables import Start as Release
 from ..tables.interpreter import evaluate as run_jaxpr
 from .derived import Derived, derive
@@ -231,7 +231,7 @@ class TabulatedModel:
             )
             motion = decay(forces, self._meshes[number], release, t - at["t_release"], True, self._iterations)
             self._meshes[number] = self._meshes[number]._replace(amplitudes=motion.amplitudes)
-            good = 1.0 if is_resolved(motion) else np.nan
+            good = 1.0 if motion.resolved else np.nan
             reading = good * motion.x + at["offset"] + at["drift"] * t
             columns = self._columns(motion, reading, at, t, slope, places, total)
             left, slopes = w * (reading - x), w[:, None] * columns

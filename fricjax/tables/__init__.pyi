@@ -1,7 +1,7 @@
 from .decay import Decay, Quality, Start, decay
 from .forces import Forces, Tabulation, tabulate
 from .mesh import Layout, Mesh, choose_layout, make_mesh
-from .solve import Size, error, is_resolved, padded, solve
+from .solve import Size, error, padded, solve
 
 __all__ = [
     "Decay",
@@ -15,7 +15,6 @@ __all__ = [
     "choose_layout",
     "decay",
     "error",
-    "is_resolved",
     "make_mesh",
     "padded",
     "solve",

@@ -24,6 +24,10 @@ from .forces import Curve, Forces, Values
 from .mesh import Mesh
 
 _TINY = float(np.finfo(float).tiny)
+# The correction is the error of an amplitude that the iterations leave: 2e-3 nm of 2 mm.
+_LARGEST_CORRECTION = 1e-9
+# The lapse of time is one over the phase rate. A tenth of the undisturbed rate is the limit of the other engines too.
+_SLOWEST_PHASE = 0.1
 
 
 class Start(NamedTuple):
@@ -43,16 +47,16 @@ class Start(NamedTuple):
 
 
 class Quality(NamedTuple):
-    """Numbers that show whether a decay is resolved, each of shape ().
+    """Numbers that decide whether a decay is resolved, each of shape ().
 
     Attributes:
-        correction: largest relative change of an amplitude in the last iteration [1].
+        correction: largest relative change of an amplitude by one more iteration [1], an estimate of the error that the
+            iterations leave.
         phase_rate: smallest rate of the phase relative to the undisturbed rate [1].
         speed, travel: largest speed and displacement relative to the range of the tables [1].
-        iterations: number of iterations.
 
     Examples:
-        >>> Quality(1e-12, 0.9, 0.8, 0.9, 6).phase_rate
+        >>> Quality(1e-12, 0.9, 0.8, 0.9).phase_rate
         0.9
     """
 
@@ -60,7 +64,6 @@ class Quality(NamedTuple):
     phase_rate: Any
     speed: Any
     travel: Any
-    iterations: Any
 
 
 class Decay(NamedTuple):
@@ -75,7 +78,10 @@ class Decay(NamedTuple):
             A set-valued law requires a positive excess at the start of each half-cycle, and rest otherwise.
         duration: time at the end of the last half-cycle [s], shape ().
         amplitudes: amplitudes at the points of the mesh, shape (half_cycles, points), as a start of the next iteration.
-        quality: numbers for :func:`is_resolved`.
+        resolved: whether the points resolve the motion and the tables cover it, shape (). If not, another engine must
+            integrate it: a half-cycle that barely leaves rest, a phase that runs backwards, iterations that do not
+            converge, or NaN. Estimate the remaining error by :func:`fricjax.tables.error`.
+        quality: numbers that decide it.
 
     Examples:
         >>> "excess" in Decay._fields
@@ -89,6 +95,7 @@ class Decay(NamedTuple):
     excess: Values
     duration: Values
     amplitudes: Values
+    resolved: Any
     quality: Quality
 
 
@@ -127,20 +134,22 @@ def decay(
         ['0.001000', '-0.000800'] 0.02000
     """
     first = mesh.side[0] * _charted(xp, mesh, start.x0) - mesh.centre[0]
-    amplitudes, before = _iterate(xp, forces, mesh, first, iterations)
-    rates = _rates(xp, forces, mesh, amplitudes)
-    nodes = _nodes(xp, forces, mesh, start, amplitudes, rates)
+    state = _iterate(xp, forces, mesh, first, iterations)
+    rates, real = state.rates, mesh.real[:, None]
+    nodes = _nodes(xp, forces, mesh, start, state)
     x, v, columns = _sample(xp, nodes, xp.asarray(ts), rests)
     # Half-cycles after the last sample may lie behind the stop of the law.
     begins = nodes.t.reshape(mesh.real.shape[0], -1)[:, :1]
-    needed = mesh.real[:, None] & ~(begins > xp.max(ts))
-    change = xp.where(needed, xp.abs(amplitudes / before - 1), 0.0)
-    relative = xp.where(needed, rates.phase_rate / (mesh.omega[:, None] * rates.slope), 1.0)
-    speed = xp.where(needed, rates.speed, 0.0) / forces.resisting.edges[-1]
-    travel = xp.where(needed, xp.abs(rates.x), 0.0) / forces.restoring.edges[-1]
-    quality = Quality(xp.max(change), xp.min(relative), xp.max(speed), xp.max(travel), iterations)
-    turning_points, excess = _rest_condition(xp, forces, mesh, rates.x)
-    return Decay(x, v, columns, turning_points, excess, nodes.duration, amplitudes, quality)
+    real = real & ~(begins > xp.max(ts))
+    change = xp.where(real, xp.abs(state.following / state.amplitudes - 1), 0.0)
+    relative = xp.where(real, 1 / (rates.lapse * mesh.omega[:, None] * rates.slope), 1.0)
+    speed = xp.where(real, rates.speed, 0.0) / forces.resisting.edges[-1]
+    travel = xp.where(real, xp.abs(rates.x), 0.0) / forces.restoring.edges[-1]
+    quality = Quality(xp.max(change), xp.min(relative), xp.max(speed), xp.max(travel))
+    turning_points, excess = _rest_condition(xp, forces, mesh, rates)
+    resolved = (quality.speed <= 1) & (quality.travel <= 1)
+    resolved &= (quality.correction <= _LARGEST_CORRECTION) & (quality.phase_rate >= _SLOWEST_PHASE)
+    return Decay(x, v, columns, turning_points, excess, nodes.duration, state.amplitudes, resolved, quality)
 
 
 class _Rates(NamedTuple):
@@ -156,7 +165,6 @@ class _Rates(NamedTuple):
     growth_slope: Any
     lapse_source: Any
     growth_source: Any
-    phase_rate: Any
     x: Any
     slope: Any
     speed: Any
@@ -166,6 +174,15 @@ class _Rates(NamedTuple):
     restoring_slope: Any
     speed_place: tuple[Any, Any]
     travel_place: tuple[Any, Any]
+
+
+class _State(NamedTuple):
+    """Result of an iteration: following amplitudes, and amplitudes with rates and the integral of `growth_slope`."""
+
+    following: Any
+    amplitudes: Any
+    rates: _Rates
+    exponent: Any
 
 
 class _Nodes(NamedTuple):
@@ -184,6 +201,14 @@ class _Nodes(NamedTuple):
     duration: Any
 
 
+def _once(xp: Any, values: Any) -> Any:
+    """Keep the compiler from recomputing these values at each use.
+
+    Without it XLA evaluates the columns four times.
+    """
+    return values if xp is np else jax.lax.optimization_barrier(values)
+
+
 def _charted(xp: Any, mesh: Mesh, x: Any) -> Any:
     """Return the coordinate q of a displacement: 2 sin(x/2) for a pendulum, x otherwise."""
     return xp.where(mesh.chart > 0, 2 * xp.sin(x / 2), x)
@@ -196,9 +221,9 @@ def _place(xp: Any, curve: Curve, side: Any, at: Any, branch: Any = None) -> tup
     """
     cells = curve.centres.shape[-1]
     cell_of = at if branch is None else xp.where(branch == 0, at, branch * xp.maximum(branch * at, _TINY))
-    cell = xp.clip(xp.searchsorted(curve.edges, cell_of, side="right") - 1, 0, cells - 1)
+    cell = xp.clip(xp.searchsorted(curve.edges, cell_of, side="right") - 1, 0, cells - 1).astype(np.int32)
     local = (at - xp.take(curve.centres, cell, mode="clip")) * xp.take(curve.scales, cell, mode="clip")
-    return cell + cells * (side > 0), local
+    return _once(xp, (xp.where(side > 0, cell + np.int32(cells), cell), local))
 
 
 def _value(xp: Any, curve: Curve, place: tuple[Any, Any]) -> tuple[Any, Any]:
@@ -209,7 +234,8 @@ def _value(xp: Any, curve: Curve, place: tuple[Any, Any]) -> tuple[Any, Any]:
     for power in range(powers.shape[0] - 2, -1, -1):
         slope = slope * local + value
         value = value * local + powers[power]
-    return value, slope * xp.take(curve.scales, index % curve.scales.shape[-1], mode="clip")
+    cells = np.int32(curve.scales.shape[-1])
+    return value, slope * xp.take(curve.scales, xp.where(index >= cells, index - cells, index), mode="clip")
 
 
 def _columns(xp: Any, curve: Curve, place: tuple[Any, Any]) -> Any:
@@ -231,8 +257,8 @@ def _rates(xp: Any, forces: Forces, mesh: Mesh, amplitudes: Any) -> _Rates:
     x = xp.where(mesh.chart > 0, 2 * xp.arcsin(half), q)
     speed_place = _place(xp, forces.resisting, side, speed)
     travel_place = _place(xp, forces.restoring, side, x, mesh.branch)
-    resisting, resisting_slope = _value(xp, forces.resisting, speed_place)
-    restoring, restoring_slope = _value(xp, forces.restoring, travel_place)
+    resisting, resisting_slope = _once(xp, _value(xp, forces.resisting, speed_place))
+    restoring, restoring_slope = _once(xp, _value(xp, forces.restoring, travel_place))
     force = resisting - side * restoring
     force_change = resisting_slope * omega * sine - restoring_slope * cosine / slope
     turn = -cosine / (omega * amplitudes)
@@ -242,14 +268,13 @@ def _rates(xp: Any, forces: Forces, mesh: Mesh, amplitudes: Any) -> _Rates:
     gain_change = -sine * (omega * cosine * (slope + amplitudes * slope_change) + force_change / omega)
     lapse = 1 / rate
     growth = gain * lapse
-    return _Rates(
+    result = _Rates(
         lapse,
         growth,
         -rate_change * lapse * lapse,
         (gain_change - growth * rate_change) * lapse,
         -turn * lapse * lapse,
         (-sine / omega - growth * turn) * lapse,
-        rate,
         x,
         slope,
         speed,
@@ -260,53 +285,61 @@ def _rates(xp: Any, forces: Forces, mesh: Mesh, amplitudes: Any) -> _Rates:
         speed_place,
         travel_place,
     )
+    return _once(xp, result)
 
 
-def _iterate(xp: Any, forces: Forces, mesh: Mesh, first: Any, iterations: Any) -> tuple[Any, Any]:
-    """Return the amplitudes after the iterations, and those before the last one."""
+def _iterate(xp: Any, forces: Forces, mesh: Mesh, first: Any, iterations: Any) -> _State:
+    """Return the amplitudes after the iterations, with their rates and the result of one more iteration."""
 
-    def closer(_: Any, pair: tuple[Any, Any]) -> tuple[Any, Any]:
-        amplitudes = pair[0]
+    def closer(_: Any, state: _State) -> _State:
+        amplitudes = state.following
         rates = _rates(xp, forces, mesh, amplitudes)
-        factor = xp.exp((rates.growth_slope * mesh.weight) @ mesh.integral)
+        exponent = _once(xp, (rates.growth_slope * mesh.weight) @ mesh.integral)
+        factor = _once(xp, xp.exp(exponent))
         rest = (rates.growth - rates.growth_slope * amplitudes) * mesh.weight
         gain = (rest / factor) @ mesh.integral
-        following = xp.concatenate([mesh.centre[1:], mesh.centre[-1:]])
-        shift = factor[:, -1] * gain[:, -1] - mesh.centre - following
-        begin = _recursion(xp, mesh, factor[:, -1], shift, first)
-        return xp.where(mesh.real[:, None], factor * (begin[:, None] + gain), 1.0), amplitudes
+        centres = mesh.centre + xp.concatenate([mesh.centre[1:], mesh.centre[-1:]])
+        begin = _recursion(xp, mesh, exponent[:, -1], factor[:, -1] * gain[:, -1] - centres, first)
+        following = xp.where(mesh.real[:, None], factor * (begin[:, None] + gain), 1.0)
+        return _State(following, amplitudes, rates, exponent)
 
-    pair = (xp.asarray(mesh.amplitudes), xp.asarray(mesh.amplitudes))
+    begin, zero = xp.asarray(mesh.amplitudes), xp.zeros(mesh.sine.shape)
+    place = (xp.zeros(mesh.sine.shape, np.int32), zero)
+    state = _State(begin, begin, _Rates(*(zero,) * (len(_Rates._fields) - 2), place, place), zero)
     if xp is np:
-        for i in range(int(iterations)):
-            pair = closer(i, pair)
-        return pair
-    return jax.lax.fori_loop(0, iterations, closer, pair)
+        for i in range(int(iterations) + 1):
+            state = closer(i, state)
+        return state
+    return jax.lax.fori_loop(0, iterations + 1, closer, state)
 
 
-def _recursion(xp: Any, mesh: Mesh, factor: Any, shift: Any, first: Any) -> Any:
-    """Return y of all half-cycles from ``y[n+1] = factor[n] y[n] + shift[n]``, along the last axis."""
-    product = xp.cumprod(xp.where(mesh.real, factor, 1.0))
-    following = xp.cumsum(xp.where(mesh.real, shift, 0.0) / product, axis=-1)
-    first = xp.asarray(first)[..., None]
-    return xp.concatenate([first, (product * (first + following))[..., :-1]], axis=-1)
+def _recursion(xp: Any, mesh: Mesh, exponent: Any, shift: Any, first: Any) -> Any:
+    """Return y of all half-cycles from ``y[n+1] = exp(exponent[n]) y[n] + shift[n]``, along the last axis.
+
+    Sums over earlier half-cycles are products with a triangular matrix, which compile faster than cumulative sums.
+    """
+    earlier = xp.tri(mesh.real.shape[0], k=-1).T
+    exponent, shift = xp.where(mesh.real, exponent, 0.0), xp.where(mesh.real, shift, 0.0)
+    before = exponent @ earlier
+    return xp.exp(before) * (xp.asarray(first)[..., None] + (shift * xp.exp(-before - exponent)) @ earlier)
 
 
-def _nodes(xp: Any, forces: Forces, mesh: Mesh, start: Start, amplitudes: Any, rates: _Rates) -> _Nodes:
+def _nodes(xp: Any, forces: Forces, mesh: Mesh, start: Start, state: _State) -> _Nodes:
     """Return the motion at the points and its columns, in order of time."""
+    rates, exponent = state.rates, state.exponent
     side, omega, real = mesh.side[:, None], mesh.omega[:, None], mesh.real
-    resisting_columns = _columns(xp, forces.resisting, rates.speed_place)
-    restoring_columns = _columns(xp, forces.restoring, rates.travel_place)
+    resisting_columns = _once(xp, _columns(xp, forces.resisting, rates.speed_place))
+    restoring_columns = _once(xp, _columns(xp, forces.restoring, rates.travel_place))
     source = resisting_columns - side * restoring_columns
-    factor = xp.exp((rates.growth_slope * mesh.weight) @ mesh.integral)
+    factor = _once(xp, xp.exp(exponent))
     gain = (rates.growth_source * source * mesh.weight / factor) @ mesh.integral
     # The slope of the coordinate at the start carries the derivative of the initial displacement.
     first = mesh.side[0] * rates.slope[0, 0] * start.columns
-    begin = _recursion(xp, mesh, factor[:, -1], factor[:, -1] * gain[..., -1], first)
-    changes = factor * (begin[..., None] + gain)
+    begin = _recursion(xp, mesh, exponent[:, -1], factor[:, -1] * gain[..., -1], first)
+    changes = _once(xp, factor * (begin[..., None] + gain))
     t, duration = _elapsed(xp, real, (rates.lapse * mesh.weight) @ mesh.integral)
     lapse_changes = rates.lapse_slope * changes + rates.lapse_source * source
-    t_columns, _ = _elapsed(xp, real, (lapse_changes * mesh.weight) @ mesh.integral)
+    t_columns = _once(xp, _elapsed(xp, real, (lapse_changes * mesh.weight) @ mesh.integral)[0])
     v, a = -side * rates.speed, side * rates.resisting - rates.restoring
     x_columns = side * mesh.cosine * changes / rates.slope
     end_columns = x_columns[..., -1]
@@ -327,8 +360,7 @@ def _nodes(xp: Any, forces: Forces, mesh: Mesh, start: Start, amplitudes: Any, r
 def _elapsed(xp: Any, real: Any, lapse: Any) -> tuple[Any, Any]:
     """Return the sum over all earlier half-cycles plus the part since the reversal, and the total."""
     full = xp.where(real, lapse[..., -1], 0.0)
-    total = xp.cumsum(full, axis=-1)
-    return (total - full)[..., None] + lapse, total[..., -1]
+    return (full @ xp.tri(full.shape[-1], k=-1).T)[..., None] + lapse, xp.sum(full, axis=-1)
 
 
 def _sample(xp: Any, nodes: _Nodes, ts: Any, rests: Any) -> tuple[Any, Any, Any]:
@@ -375,11 +407,13 @@ def _hermite(xp: Any, q: Any, step: Any) -> tuple[Any, Any]:
     return xp.stack(values, axis=-1), xp.stack(slopes, axis=-1)
 
 
-def _rest_condition(xp: Any, forces: Forces, mesh: Mesh, x: Any) -> tuple[Any, Any]:
+def _rest_condition(xp: Any, forces: Forces, mesh: Mesh, rates: _Rates) -> tuple[Any, Any]:
     """Return the turning points and the pull beyond the static friction force there."""
-    points = xp.concatenate([x[:1, 0], xp.where(mesh.real, x[:, -1], xp.nan)])
-    side = xp.concatenate([mesh.side[:1], -mesh.side])
-    place = _place(xp, forces.restoring, side, points)
-    holding = xp.concatenate([xp.asarray(forces.breakaway)[None], xp.broadcast_to(forces.static, mesh.side.shape)])
-    pull = side * _value(xp, forces.restoring, place)[0]
-    return points, xp.where(xp.isnan(points), xp.nan, pull - holding)
+    real, side, x = mesh.real, mesh.side, rates.x
+    points = xp.concatenate([x[:1, 0], xp.where(real, x[:, -1], xp.nan)])
+    # The next half-cycle begins on the other side of the table.
+    index, local = (each[:, -1] for each in rates.travel_place)
+    cells = np.int32(forces.restoring.centres.shape[-1])
+    behind = _value(xp, forces.restoring, (xp.where(side > 0, index - cells, index + cells), local))[0]
+    first = side[:1] * rates.restoring[:1, 0] - forces.breakaway
+    return points, xp.concatenate([first, xp.where(real, -side * behind - forces.static, xp.nan)])

@@ -15,10 +15,6 @@ from .mesh import Mesh
 # work, and all records of up to 256 half-cycles and a million samples share 3 x 6 programs for each layout.
 _HALF_CYCLES = (16, 64, 256)
 _SAMPLES = tuple(1024 * 4**i for i in range(6))
-# A last correction c leaves an error of c^2 of the amplitude. 1e-8 of 2 mm is 0.02 nm, so the error is far below it.
-_LARGEST_CORRECTION = 1e-8
-# The lapse of time is one over the phase rate. A tenth of the undisturbed rate is the limit of the other engines too.
-_SLOWEST_PHASE = 0.1
 
 
 def solve(forces: Forces, mesh: Mesh, start: Start, ts: Values, rests: Any = True, iterations: Any = 6) -> Decay:
@@ -74,24 +70,6 @@ def padded(*, half_cycles: int, samples: int) -> Size:
     """
     pairs = ((half_cycles, _HALF_CYCLES), (samples, _SAMPLES))
     return Size(*(next((size for size in sizes if size >= number), number) for number, sizes in pairs))
-
-
-def is_resolved(motion: Decay) -> Any:
-    """Return True if the points resolve a decay and the tables cover it.
-
-    False means that another engine must integrate the motion: a half-cycle that barely leaves rest, a phase that runs
-    backwards, iterations that do not converge, or NaN. Estimate the remaining error by :func:`error`.
-
-    Examples:
-        >>> from fricjax.tables import Quality
-        >>> quality = Quality(correction=1e-12, phase_rate=0.9, speed=0.8, travel=0.9, iterations=6)
-        >>> empty = Decay(*(np.zeros(0),) * 7, quality)
-        >>> bool(is_resolved(empty)), bool(is_resolved(empty._replace(quality=quality._replace(phase_rate=-0.1))))
-        (True, False)
-    """
-    quality = motion.quality
-    within = (quality.speed <= 1) & (quality.travel <= 1)
-    return within & (quality.correction <= _LARGEST_CORRECTION) & (quality.phase_rate >= _SLOWEST_PHASE)
 
 
 class Error(NamedTuple):
