@@ -12,9 +12,8 @@ fit worse.
 """
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
-import equinox as eqx
 import optimistix as optx
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
@@ -38,7 +37,7 @@ _EASE, _EASE_AFTER_REJECTION = 0.1, 0.5
 _ROUGH = 100.0
 
 
-class _State(eqx.Module):
+class _State(NamedTuple):
     trial: Float[Array, " p"]
     accepted: Pass
     scale: Float[Array, " p"]
@@ -62,9 +61,9 @@ def minimise(solver: "LevenbergMarquardt", y: Any, options: dict[str, Any]) -> t
     """
     none, no_tags = None, frozenset()
     state: Any = solver.init(none, y, none, options, none, none, no_tags)  # pyright: ignore[reportArgumentType]
-    count = 0
+    count, step = 0, solver.step
     while state.status == RUNNING:
-        y, state, _ = solver.step(none, y, none, options, state, no_tags)  # pyright: ignore[reportArgumentType]
+        y, state, _ = step(none, y, none, options, state, no_tags)  # pyright: ignore[reportArgumentType]
         count += 1
     status = final_status(state.status, y, state.accepted.normal, Setting.of(options))
     return y, {"status": status, **state.accepted._asdict(), "remaining": state.remaining, "num_steps": count}
@@ -145,8 +144,7 @@ class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         begun = xp.where(state.first, here.cost, state.start_cost)
         going = ahead.predicted, status, steps, no, ahead.undamped, no, begun, remaining
         after = _State(ahead.trial, here, scale, damping, growth, *going)
-        once_more = (reached, steps, self._running(steps), ~no)
-        again = eqx.tree_at(lambda s: (s.trial, s.steps, s.status, s.repeated), state, once_more)
+        again = state._replace(trial=reached, steps=steps, status=self._running(steps), repeated=~no)
         repeat = blurred & finite
         chosen = select(xp, repeat, again, after)
         return xp.where(repeat, y, at), chosen, None

@@ -109,7 +109,7 @@ def _noise(problem: Problem, factor: float, sigma_mode: str) -> dict[str, Any]:
 
 def _of_the_runs(problem: Problem) -> dict[str, Any]:
     """Return the fields of the result that `predict` and the plot need."""
-    runs, windows = problem.residual.runs, problem.windows
+    runs, windows = untabulated(problem.residual).runs, problem.windows
     counts, sizes = [int(run.half_cycles) for run in runs], [w.used.size for w in windows]
     return {
         "half_cycles": tuple(None if count >= NEVER else count for count in counts),

@@ -41,7 +41,7 @@ class Run(NamedTuple):
     weight: Any
     half_cycles: Any
     fixed: dict[str, Any]
-    engine: Any = None
+    engine: AbstractEngine | None = None
 
 
 class ObservedMotion(eqx.Module):

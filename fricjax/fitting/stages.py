@@ -25,7 +25,7 @@ from ..estimation.status import MAX_STEPS, NOT_FINITE
 from .derived import Derived
 from .evaluation import Evaluation, EvaluationPasses, TracedModel
 from .residual import Residual
-from .tabulate import TabulatedModel
+from .tabulate import TabulatedModel, allowed
 
 if TYPE_CHECKING:
     pass
@@ -74,6 +74,8 @@ class Schedule(NamedTuple):
     steps: Any = np.asarray(MAX_STEPS)
 
 
+# Largest number of solves until the number of half-cycles stays.
+_ROUNDS = 5
 CONTINUE = Schedule(sure=np.asarray(True))
 # A robust loss is nearly flat far from its optimum: from that of least squares it takes some sixty small steps.
 CONTINUE_ROBUST = CONTINUE._replace(steps=np.asarray(4 * MAX_STEPS))
@@ -169,11 +171,29 @@ def solve_in_stages(
     return Iterate(end.y, end.status, end.iterations, end.stages, end.evaluation, model.derive(end.y))
 
 
-def solve_on_host(*arguments: Any) -> Iterate:
-    """Solve by tables of forces on the host; arguments as of `solve_in_stages`, in NumPy arrays."""
+def solve_on_host(
+    residual: Residual,
+    stage_weights: tuple[StageWeights, ...],
+    limits: Limits,
+    loss: AbstractLoss,
+    y: np.ndarray,
+    way: Schedule,
+) -> Iterate:
+    """Solve by tables of forces on the host, as `solve_in_stages` does.
+
+    The tables of a record that ends in motion have as many half-cycles as the law allows at `y`. The solve is repeated
+    until the law allows as many at the optimum.
+    """
     # A trial that is not finite is rejected.
     with np.errstate(all="ignore"):
-        return solve_in_stages(*arguments)
+        at = solve_in_stages(residual, stage_weights, limits, loss, y, way)
+        for _ in range(_ROUNDS):
+            if way.steps == 1 or not np.all(np.isfinite(at.y)) or allowed(residual, y) == allowed(residual, at.y):
+                break
+            y, way = at.y, CONTINUE._replace(tolerance=way.tolerance)
+            then = solve_in_stages(residual, stage_weights, limits, loss, y, way)
+            at = then._replace(iterations=at.iterations + then.iterations, stages=at.stages + then.stages)
+        return at
 
 
 def _least_squares(

@@ -29,11 +29,11 @@ from .window import NEVER, Window, equilibrium
 # Range of the tables relative to the fastest and the farthest motion of the record. A trial of the solver may exceed
 # it; the polynomials of the last cells then extrapolate.
 _RANGE = 1.5
-# Half-cycles of a run that ends in motion, relative to those of its half-period, and in addition. The start value of the
-# frequency is off by less than two per cent.
+# Half-cycles of a run that ends in motion, relative to those of its half-period, and in addition. The start value of
+# the frequency is off by less than two per cent.
 _MORE, _ADDED = 1.02, 1
-# Iterations from the turning points of a record, which are off by some per cent, and from the last amplitudes.
-_FIRST, _LATER = 6, 4
+# Largest number of iterations. From the turning points of a record, which are off by some per cent, five are enough.
+_ITERATIONS = 8
 # Samples that are processed at once; their derivatives take 64 bytes for each coordinate.
 _PIECE = 1 << 17
 
@@ -102,8 +102,10 @@ class TabulatedModel:
 
     def __init__(self, residual: Residual, y: np.ndarray) -> None:
         self._residual, space = residual, residual.space
-        self._flat = len(jax.tree.leaves(residual.oscillator))
-        inputs = residual.inputs[:, : self._flat]
+        # A method of an equinox module is made at each access.
+        self._values, self._slope = space.values, space.slope
+        self._places = [space.places(number) for number in range(len(residual.runs))]
+        inputs = residual.inputs[:, : len(jax.tree.leaves(residual.oscillator))]
         moved = np.flatnonzero(np.any(inputs != 0, axis=0)).tolist()
         leaves = list(dict.fromkeys([*space.leaves, *(tie.leaf for tie in space.ties), *moved]))
         self._leaves = leaves
@@ -114,10 +116,14 @@ class TabulatedModel:
         for tie in space.ties:
             to_leaf[leaves.index(tie.leaf), tie.parameter] += tie.factor
         self._to_leaf, self._by_input = to_leaf, np.pad(inputs[:, leaves], ((0, 0), (0, 1)))
-        machine, values = self._machine(y)
+        values = self._values(y[: residual.n_parameters])
+        machine = space.model(residual.oscillator, values)
+        flat = jax.tree.leaves(machine)
+        self._fixed, self._is_free = np.array([float(flat[leaf]) for leaf in leaves]), np.any(to_leaf[:-1] != 0, axis=1)
         names = {leaf.index: leaf.dotted for leaf in leaves_of(residual.oscillator)}
         self._tabulation = Tabulation(machine, [names[leaf] for leaf in leaves], *self._reach(machine))
-        forces, layout, self._meshes = self._tables(machine), None, list[Mesh]()
+        self._latest: tuple[bytes, Any] = b"", None
+        forces, layout, self._meshes = self._tables(values), None, list[Mesh]()
         for number, run in enumerate(residual.runs):
             x0 = float(residual.parameters_of_run(values, number, run)["x0"])
             points = _turning_points(run, x0)
@@ -125,15 +131,20 @@ class TabulatedModel:
             meshed = functools.partial(make_mesh, machine, forces, layout=layout, check=residual.engine.checks)
             mesh = meshed(points)
             if int(run.half_cycles) >= NEVER or machine.friction.kink_speeds:
-                first = decay(forces, mesh, self._release(x0), np.asarray(run.t)[-1:], True, _FIRST)
+                first = decay(forces, mesh, self._release(x0), np.asarray(run.t)[-1:], True, _ITERATIONS)
                 # A law that stops before the end of a record in motion rests there.
-                stuck = np.flatnonzero(~(first.excess[:-1] > 0))
-                points = points[: max(int(stuck[0]), 1) + 1] if stuck.size else points
-                known = mesh._replace(amplitudes=first.amplitudes)
+                stuck = np.flatnonzero(~(first.excess[1:-1] > 0))
+                points = points[: int(stuck[0]) + 2] if stuck.size else points
                 # Panels meet at the kinks of the motion, which the turning points give only roughly.
+                known = mesh._replace(amplitudes=first.amplitudes[: points.size - 1])
                 mesh = meshed(points, previous=known if machine.friction.kink_speeds else None)
             self._meshes.append(mesh)
-        self._iterations, self._kept = _FIRST, list[Evaluation]()
+        self._kept: list[Evaluation] = []
+
+    @property
+    def half_cycles(self) -> list[int]:
+        """Number of half-cycles of each run."""
+        return [mesh.side.size for mesh in self._meshes]
 
     def evaluate(self, y: np.ndarray, weights: Sequence[np.ndarray], loss: AbstractLoss) -> Evaluation:
         """Return residual, gradient and normal matrix at coordinates `y`, from all samples.
@@ -144,13 +155,12 @@ class TabulatedModel:
             loss: loss of the residuals.
         """
         residual, total = self._residual, y.size
-        machine, values = self._machine(y)
-        forces, slope = self._tables(machine), residual.space.slope(y[: residual.n_parameters])
+        values, slope = (of(y[: residual.n_parameters]) for of in (self._values, self._slope))
+        forces = self._tables(values)
         parts = [
             self._run(forces, values, slope, number, run, weight, loss, total)
             for number, (run, weight) in enumerate(zip(residual.runs, weights, strict=True))
         ]
-        self._iterations = _LATER
         priors = (values - residual.prior_mean) * residual.prior_weight
         by_prior = np.pad(np.diag(slope * residual.prior_weight), ((0, 0), (0, total - slope.size)))
         residuals, passes, points, blocks = zip(*parts, strict=True)
@@ -181,14 +191,13 @@ class TabulatedModel:
         """Return the number of no evaluation."""
         return np.asarray(-1)
 
-    def _machine(self, y: np.ndarray) -> tuple[Oscillator, np.ndarray]:
-        space = self._residual.space
-        values = space.values(y[: self._residual.n_parameters])
-        return space.model(self._residual.oscillator, values), values
-
-    def _tables(self, machine: Oscillator) -> Forces:
-        flat = jax.tree.leaves(machine)
-        return self._tabulation([float(flat[leaf]) for leaf in self._leaves])
+    def _tables(self, values: np.ndarray) -> Forces:
+        """Return the tables at values of the parameters."""
+        key = values.tobytes()
+        if self._latest[0] != key:
+            shared = np.where(self._is_free, self._to_leaf[:-1] @ values, self._fixed)
+            self._latest = key, self._tabulation(shared)
+        return self._latest[1]
 
     def _reach(self, machine: Oscillator) -> tuple[float, float]:
         """Return the largest speed [m/s] and displacement [m] of the tables."""
@@ -214,12 +223,13 @@ class TabulatedModel:
         total: int,
     ) -> tuple[np.ndarray, Pass, np.ndarray, np.ndarray]:
         """Return residual, sums, turning points and blocks of one run, as `evaluate` does for other engines."""
-        n, p = run.t.shape[0], self._residual.n_parameters
+        n = run.t.shape[0]
         size, length = -(-n // CHUNK) * CHUNK, block_length(n)
         used = int(np.max(np.flatnonzero(weight > 0), initial=-1)) + 1
         end = -(-used // CHUNK) * CHUNK
-        at = self._residual.parameters_of_run(values, number, run)
-        release, places = self._release(at["x0"]), self._residual.space.places(number)
+        places = self._places[number]
+        at = {**run.fixed, **{name: values[place] for name, place in places.items()}}
+        release = self._release(at["x0"])
         r, blocks = np.zeros(size), np.zeros((size // length, len(Block._fields) - 1 + total), np.float32)
         sums = Pass(np.zeros(()), np.zeros(total), np.zeros((total, total)))
         points = np.zeros(0)
@@ -229,7 +239,7 @@ class TabulatedModel:
                 np.concatenate([each[begin:stop], np.full(max(stop - n, 0), fill)])
                 for each, fill in ((run.t, run.t[-1]), (run.x, run.x[-1]), (weight, 0.0))
             )
-            motion = decay(forces, self._meshes[number], release, t - at["t_release"], True, self._iterations)
+            motion = decay(forces, self._meshes[number], release, t - at["t_release"], True, _ITERATIONS)
             self._meshes[number] = self._meshes[number]._replace(amplitudes=motion.amplitudes)
             good = 1.0 if motion.resolved else np.nan
             reading = good * motion.x + at["offset"] + at["drift"] * t
@@ -273,6 +283,13 @@ class TabulatedModel:
                 errors = np.stack([-reading, (motion.v + at["drift"]) * t, np.cos(phase), np.sin(phase)], axis=1)
                 columns[:, p:] += errors @ self._residual.inputs[:, -len(ERRORS) :].T
         return columns
+
+
+def allowed(residual: Residual, y: np.ndarray) -> list[int]:
+    """Return the numbers of half-cycles that the law allows in the runs that end in motion."""
+    if all(int(run.half_cycles) < NEVER for run in residual.runs):
+        return []
+    return TabulatedModel(residual, y).half_cycles
 
 
 def _turning_points(run: Run, x0: float) -> np.ndarray:

@@ -309,6 +309,8 @@ def _iterate(xp: Any, forces: Forces, mesh: Mesh, first: Any, iterations: Any) -
     if xp is np:
         for i in range(int(iterations) + 1):
             state = closer(i, state)
+            if i and np.all(np.abs(state.following / state.amplitudes - 1) <= _LARGEST_CORRECTION):
+                break
         return state
     return jax.lax.fori_loop(0, iterations + 1, closer, state)
 
@@ -317,11 +319,15 @@ def _recursion(xp: Any, mesh: Mesh, exponent: Any, shift: Any, first: Any) -> An
     """Return y of all half-cycles from ``y[n+1] = exp(exponent[n]) y[n] + shift[n]``, along the last axis.
 
     Sums over earlier half-cycles are products with a triangular matrix, which compile faster than cumulative sums.
+    Half-cycles after one that is not finite are NaN; those before it are not affected.
     """
     earlier = xp.tri(mesh.real.shape[0], k=-1).T
-    exponent, shift = xp.where(mesh.real, exponent, 0.0), xp.where(mesh.real, shift, 0.0)
+    finite = xp.isfinite(exponent) & xp.isfinite(shift) | ~mesh.real
+    used = finite & mesh.real
+    exponent, shift = xp.where(used, exponent, 0.0), xp.where(used, shift, 0.0)
     before = exponent @ earlier
-    return xp.exp(before) * (xp.asarray(first)[..., None] + (shift * xp.exp(-before - exponent)) @ earlier)
+    value = xp.exp(before) * (xp.asarray(first)[..., None] + (shift * xp.exp(-before - exponent)) @ earlier)
+    return xp.where((~finite).astype(float) @ earlier > 0, xp.nan, value)
 
 
 def _nodes(xp: Any, forces: Forces, mesh: Mesh, start: Start, state: _State) -> _Nodes:
