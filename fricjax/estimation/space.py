@@ -105,7 +105,8 @@ class ParameterSpace(eqx.Module):
         """Return the derivative of each value with respect to its coordinate."""
         log, inverse, values = self._fitted("logarithm"), self._fitted("inverse root"), self.values(q)
         xp = namespace(q)
-        return xp.where(log, values, xp.where(inverse, 2 * values * xp.sqrt(values / self.start), self.scale))
+        ratio = xp.where(inverse, values, 1.0) / xp.where(inverse, self.start, 1.0)
+        return xp.where(log, values, xp.where(inverse, 2 * values * xp.sqrt(ratio), self.scale))
 
     def _fitted(self, way: str) -> np.ndarray:
         return np.array([fitted == way for fitted in self.fitted_as])

@@ -28,7 +28,7 @@ from .window import NEVER, Window, equilibrium
 
 # Range of the tables relative to the fastest and the farthest motion of the record. A trial of the solver may exceed
 # it; the polynomials of the last cells then extrapolate.
-_RANGE = 1.5
+_RANGE = 4.0
 # Half-cycles of a run that ends in motion, relative to those of its half-period, and in addition. The start value of
 # the frequency is off by less than two per cent.
 _MORE, _ADDED = 1.02, 1

@@ -190,7 +190,7 @@ def test_the_summary_says_what_a_reader_needs(found):
         "natural frequency",
         "at bound",
         f"status:      {found.status}",
-        "Coulomb friction, linear restoring force, exact engine",
+        "Coulomb friction, linear restoring force, tables engine",
         "4 to the stop; margin to one more",
         "mu_s:        between [",
         "mode scale",

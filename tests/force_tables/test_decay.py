@@ -63,7 +63,7 @@ def test_coulomb_decays_to_rest_like_its_closed_form():
     np.testing.assert_allclose(motion.turning_points, np.append(X0, truth.points), atol=1e-14)
     assert np.isclose(motion.duration, truth.stops[-1], rtol=1e-12)
     assert np.all(motion.excess[:-1] > 0) and motion.excess[-1] < 0
-    moving = (TS > 0) & (TS < truth.stops[-1])
+    moving = (TS > 0) & (truth.stops[-1] > TS)
     assert np.all(motion.v[~moving] == 0)
     assert motion.resolved
 
