@@ -1,8 +1,8 @@
-"""All half-cycles of a free decay at once, in phase angle, with derivatives.
+"""Free decays in phase angle, all half-cycles at once, with derivatives.
 
 A half-cycle that begins at a turning point on the side ``s`` has the coordinate ``q = s (q_d + A cos theta)`` and the
-velocity ``v = -s omega A sin theta``, with fixed ``omega`` and ``q_d``. With the resisting force ``D`` and the restoring
-force ``r`` per mass, ``K = D - s r`` and the slope ``S = dq/dx`` of the coordinate, variation of parameters gives
+velocity ``v = -s omega A sin theta``, with fixed ``omega`` and ``q_d``. ``D`` is the resisting and ``r`` the restoring
+force per mass, ``K = D - s r``, and ``S = dq/dx`` the slope of the coordinate. Variation of parameters gives
 
     dtheta/dt = omega S sin^2 theta - K cos theta/(omega A)
     dA/dt = -sin theta (omega S A cos theta + K/omega)
@@ -18,12 +18,10 @@ recursion, which a cumulative product solves. A change of a coefficient obeys th
 from typing import Any, NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from .forces import Curve, Forces, Values
 from .mesh import Mesh
-
 
 _TINY = float(np.finfo(float).tiny)
 # The correction is the error of an amplitude that the iterations leave: 2e-3 nm of 2 mm.
@@ -130,7 +128,7 @@ def decay(
         >>> from fricjax.tables import make_mesh, tabulate
         >>> machine = fj.Oscillator(0.1, 1000.0, 0.0, 10.0, fj.friction.Coulomb(0.01))
         >>> forces = tabulate(machine, ["mu"], speed=0.2, travel=2e-3)
-        >>> mesh = make_mesh(forces, [1e-3, -0.8e-3, 0.6e-3])
+        >>> mesh = make_mesh(machine, forces, [1e-3, -0.8e-3, 0.6e-3])
         >>> motion = decay(forces, mesh, Start(1e-3, np.eye(8)[7]), np.array([0.0, np.pi / 100]))
         >>> print([f"{x:.6f}" for x in motion.x], f"{motion.columns[1, 0]:.5f}")  # dx/dmu = 2 N/k
         ['0.001000', '-0.000800'] 0.02000
@@ -152,10 +150,10 @@ def decay(
 
 
 class _Rates(NamedTuple):
-    """Rates over phase at all points and their derivatives, each of shape (half_cycles, points).
+    """Rates over phase at all points, with derivatives.
 
-    `lapse` is dt/dtheta and `growth` dA/dtheta. The suffix `_slope` marks derivatives by the amplitude and `_source`
-    those by the force ``K``.
+    Arrays have the shape (half_cycles, points). `lapse` is dt/dtheta and `growth` dA/dtheta. The suffix `_slope` marks
+    derivatives by the amplitude and `_source` those by the force ``K``.
     """
 
     lapse: Any
@@ -176,7 +174,14 @@ class _Rates(NamedTuple):
 
 
 class _State(NamedTuple):
-    """Result of an iteration: following amplitudes, and amplitudes with rates and the integral of `growth_slope`."""
+    """Result of an iteration.
+
+    Attributes:
+        following: amplitudes after the iteration.
+        amplitudes: those before it.
+        rates: rates at `amplitudes`.
+        exponent: integral of `growth_slope` from the start of the half-cycle.
+    """
 
     following: Any
     amplitudes: Any
@@ -185,11 +190,11 @@ class _State(NamedTuple):
 
 
 class _Nodes(NamedTuple):
-    """Motion at the nodes in order of time: time, and x, v and a with their columns at fixed time.
+    """Motion at the nodes in order of time.
 
     Attributes:
         t: times [s], shape (nodes,).
-        motion: shape (nodes, 3, 1 + columns).
+        motion: x, v and a with their columns at fixed time, shape (nodes, 3, 1 + columns).
         end: last turning point with its columns, shape (1 + columns,).
         duration: time of the last turning point [s].
     """
@@ -209,7 +214,7 @@ def _once(xp: Any, values: Any) -> Any:
 
 
 def _charted(xp: Any, mesh: Mesh, x: Any) -> Any:
-    """Return the coordinate q of a displacement: 2 sin(x/2) for a pendulum, x otherwise."""
+    """Return the coordinate, 2 sin(x/2) for a pendulum, else x."""
     return xp.where(mesh.chart > 0, 2 * xp.sin(x / 2), x)
 
 
@@ -238,7 +243,7 @@ def _value(xp: Any, curve: Curve, place: tuple[Any, Any]) -> tuple[Any, Any]:
 
 
 def _columns(xp: Any, curve: Curve, place: tuple[Any, Any]) -> Any:
-    """Return the derivatives of a curve by the coefficients, shape (columns, half_cycles, points)."""
+    """Return derivatives by the coefficients, shape (columns, half_cycles, points)."""
     powers = xp.take(curve.columns, place[0], axis=-1, mode="clip")
     value = powers[-1]
     for power in range(powers.shape[0] - 2, -1, -1):
@@ -288,7 +293,7 @@ def _rates(xp: Any, forces: Forces, mesh: Mesh, amplitudes: Any) -> _Rates:
 
 
 def _iterate(xp: Any, forces: Forces, mesh: Mesh, first: Any, iterations: Any) -> _State:
-    """Return the amplitudes after the iterations, with their rates and the result of one more iteration."""
+    """Return the state after the iterations and one more."""
 
     def closer(_: Any, state: _State) -> _State:
         amplitudes = state.following
@@ -304,7 +309,8 @@ def _iterate(xp: Any, forces: Forces, mesh: Mesh, first: Any, iterations: Any) -
 
     begin, zero = xp.asarray(mesh.amplitudes), xp.zeros(mesh.sine.shape)
     place = (xp.zeros(mesh.sine.shape, np.int32), zero)
-    state = _State(begin, begin, _Rates(*(zero,) * (len(_Rates._fields) - 2), place, place), zero)
+    numbers: dict[str, Any] = dict.fromkeys(_Rates._fields, zero)
+    state = _State(begin, begin, _Rates(**numbers)._replace(speed_place=place, travel_place=place), zero)
     if xp is np:
         for i in range(int(iterations) + 1):
             state = closer(i, state)
@@ -313,9 +319,10 @@ def _iterate(xp: Any, forces: Forces, mesh: Mesh, first: Any, iterations: Any) -
 
 
 def _recursion(xp: Any, mesh: Mesh, exponent: Any, shift: Any, first: Any) -> Any:
-    """Return y of all half-cycles from ``y[n+1] = exp(exponent[n]) y[n] + shift[n]``, along the last axis.
+    """Solve ``y[n+1] = exp(exponent[n]) y[n] + shift[n]``.
 
-    Sums over earlier half-cycles are products with a triangular matrix, which compile faster than cumulative sums.
+    Half-cycles are along the last axis. Sums over earlier half-cycles are products with a triangular matrix, which
+    compile faster than cumulative sums.
     """
     earlier = xp.tri(mesh.real.shape[0], k=-1).T
     exponent, shift = xp.where(mesh.real, exponent, 0.0), xp.where(mesh.real, shift, 0.0)
@@ -324,7 +331,7 @@ def _recursion(xp: Any, mesh: Mesh, exponent: Any, shift: Any, first: Any) -> An
 
 
 def _nodes(xp: Any, forces: Forces, mesh: Mesh, start: Start, state: _State) -> _Nodes:
-    """Return the motion at the points and its columns, in order of time."""
+    """Return the motion at the nodes and its columns."""
     rates, exponent = state.rates, state.exponent
     side, omega, real = mesh.side[:, None], mesh.omega[:, None], mesh.real
     resisting_columns = _once(xp, _columns(xp, forces.resisting, rates.speed_place))
@@ -357,7 +364,7 @@ def _nodes(xp: Any, forces: Forces, mesh: Mesh, start: Start, state: _State) -> 
 
 
 def _elapsed(xp: Any, real: Any, lapse: Any) -> tuple[Any, Any]:
-    """Return the sum over all earlier half-cycles plus the part since the reversal, and the total."""
+    """Return the time at the points, and the duration of all half-cycles."""
     full = xp.where(real, lapse[..., -1], 0.0)
     return (full @ xp.tri(full.shape[-1], k=-1).T)[..., None] + lapse, xp.sum(full, axis=-1)
 
@@ -382,7 +389,10 @@ def _sample(xp: Any, nodes: _Nodes, ts: Any, rests: Any) -> tuple[Any, Any, Any]
 
 
 def _hermite(xp: Any, q: Any, step: Any) -> tuple[Any, Any]:
-    """Return the weights of (x, v, a) at both ends for value and slope at the fraction q, shape (samples, 6)."""
+    """Return weights of (x, v, a) at the ends of a step.
+
+    The first ones are for the value at the fraction q of the step, the second ones for the slope, shape (samples, 6).
+    """
     q2, p = q * q, 1 - q
     q3, p3 = q2 * q, p * p * p
     rise = q3 * (10 - 15 * q + 6 * q2)
@@ -407,7 +417,7 @@ def _hermite(xp: Any, q: Any, step: Any) -> tuple[Any, Any]:
 
 
 def _rest_condition(xp: Any, forces: Forces, mesh: Mesh, rates: _Rates) -> tuple[Any, Any]:
-    """Return the turning points and the pull beyond the static friction force there."""
+    """Return turning points and the pull beyond static friction there."""
     real, side, x = mesh.real, mesh.side, rates.x
     points = xp.concatenate([x[:1, 0], xp.where(real, x[:, -1], xp.nan)])
     # The next half-cycle begins on the other side of the table.

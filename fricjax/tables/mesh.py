@@ -32,7 +32,7 @@ class Mesh(NamedTuple):
         centre: reference dead band, in the coordinate [m].
         chart: one if the coordinate is that of a pendulum, ``2 sin(x/2)``, else zero; shape ().
         sine, cosine: of the phase at the points [1].
-        branch: sign of the displacement whose side of a kink at the equilibrium counts at a point; zero without a kink.
+        branch: side of a kink of the spring at the equilibrium on which a point lies, 1 or -1; zero without a kink.
         weight: phase per rank at the points, times the width of the panel [rad].
         integral: matrix from rates at the points to their integrals from the start, shape (points, points).
         nodes: indices of the points that a sample interpolates, without repetitions, shape (nodes,).
@@ -77,7 +77,7 @@ class Layout(NamedTuple):
     grading: float = 1.0
 
     def finer(self) -> "Layout":
-        """Return the layout with twice the points, for a decay that a second mesh does not confirm."""
+        """Return the layout with twice the points."""
         return self._replace(points=2 * self.points)
 
 
@@ -88,8 +88,8 @@ _SHARES = (0.6, 0.45)
 _NEWTON_STEPS = 12
 # Layouts for a force without kinks, in the order of trial. The last two resolve powers of the speed below one.
 _LAYOUTS = (Layout(2, 32), Layout(2, 64), Layout(2, 64, 1e-2), Layout(2, 64, 1e-4))
-# Samples of the first approximation of a motion. The phase of a kink is off by (pi/256)^2/8 = 2e-5 by interpolation, far
-# less than by rough turning points.
+# Samples of the first approximation of a motion. The phase of a kink is off by (pi/256)^2/8 = 2e-5 by interpolation,
+# far less than by rough turning points.
 _SKETCH = 257
 # Panels and points that resolve any force on the host, over a layer of 1e-9 rad, the thinnest one of a mesh.
 _REFERENCE, _THINNEST = Layout(8, 32), 1e-9
@@ -171,9 +171,10 @@ def make_mesh(
 
 
 class _Frame(NamedTuple):
-    """Reference motion of the half-cycles, each of shape (half_cycles,) except `chart`.
+    """Reference motion of the half-cycles.
 
-    `growth` is the change of the amplitude in a half-cycle, `middle` the phase of the edge in the middle.
+    Arrays have the shape (half_cycles,). `growth` is the change of the amplitude in a half-cycle, `middle` the phase of
+    the edge in the middle.
     """
 
     chart: bool
@@ -211,7 +212,10 @@ def _frame(
 
 
 def _read(curve: Curve, side: np.ndarray, at: np.ndarray, columns: bool = False) -> np.ndarray:
-    """Return values of a curve on the host, optionally with slope and columns along a first axis."""
+    """Return values of a curve on the host.
+
+    With `columns`, a first axis has the slope, the value and the columns.
+    """
     cells = curve.centres.size
     cell = np.clip(np.searchsorted(curve.edges, at, side="right") - 1, 0, cells - 1)
     local = (at - curve.centres[cell]) * curve.scales[cell]
@@ -225,7 +229,10 @@ def _read(curve: Curve, side: np.ndarray, at: np.ndarray, columns: bool = False)
 
 
 def _rank(frame: _Frame, phase: np.ndarray, late: np.ndarray, share: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return rank and its slope by phase; arrays have the half-cycles along the first axis."""
+    """Return the rank of a phase and its slope.
+
+    Arrays have the half-cycles along the first axis.
+    """
     axes = (slice(None), *(None,) * (phase.ndim - 1))
     layer, middle = frame.layer[axes], frame.middle[axes]
     half = np.where(late, np.pi - middle, middle)
@@ -249,7 +256,10 @@ def _phase(frame: _Frame, rank: np.ndarray, late: np.ndarray, share: float) -> t
 
 
 def _crossings(phase: np.ndarray, values: np.ndarray, level: float, *, late: bool) -> np.ndarray:
-    """Return the phase at which each row first rises above the level, or last falls below it, else NaN."""
+    """Return the phase at which each row crosses a level, else NaN.
+
+    It is the first rise above the level, or with `late` the last fall below it.
+    """
     above, rows = values > level, np.arange(len(values))
     # The last sample below the level before the values rise above it, or the last sample above it.
     index = values.shape[1] - 1 - np.argmax(above[:, ::-1], axis=1) if late else np.argmax(above, axis=1) - 1
@@ -262,10 +272,10 @@ def _crossings(phase: np.ndarray, values: np.ndarray, level: float, *, late: boo
 def _panel_edges(
     frame: _Frame, kinks: Sequence[float], panels: int, phase: np.ndarray, speed: np.ndarray, share: float
 ) -> np.ndarray:
-    """Return the ranks of the edges of panels, from 0 to 2, shape (half_cycles, panels + 1).
+    """Return the ranks of the edges of panels, from 0 to 2.
 
-    The middle and the kinks that the speed passes are edges; `phase` and `speed` sample the motion. Other edges divide
-    the widest panels.
+    The result has the shape (half_cycles, panels + 1). The middle and the kinks that the speed passes are edges;
+    `phase` and `speed` sample the motion. Other edges divide the widest panels.
     """
     edges = np.tile([0.0, 1.0, 2.0], (frame.side.size, 1))
     rows = np.arange(len(edges))
@@ -289,9 +299,10 @@ def _panel_edges(
 
 
 def _sketch(frame: _Frame, previous: Mesh | None) -> tuple[np.ndarray, np.ndarray]:
-    """Return phases and amplitudes of an approximate motion, shape (half_cycles, samples).
+    """Return phases and amplitudes of an approximate motion.
 
-    Without a previous mesh the amplitude changes linearly with the cosine of the phase.
+    Arrays have the shape (half_cycles, samples). Without a previous mesh the amplitude changes linearly with the cosine
+    of the phase.
     """
     count = frame.side.size
     if previous is None:
@@ -306,7 +317,7 @@ def _sketch(frame: _Frame, previous: Mesh | None) -> tuple[np.ndarray, np.ndarra
 
 @functools.cache
 def _quadrature(panels: int, points: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the matrix of integrals from the start, and the ranks of the points in a panel from 0 to 1."""
+    """Return the matrix of integrals and ranks of points in a panel."""
     places = -np.cos(np.pi * np.arange(points) / (points - 1))
     coefficients = np.linalg.inv(chebyshev.chebvander(places, points - 1))
     unit = np.identity(points)
@@ -352,6 +363,8 @@ def choose_layout(oscillator: Oscillator, forces: Forces, turning_points: Sequen
     ends = frame._replace(**{name: getattr(frame, name)[[0, -1]] for name in frame._fields if name != "chart"})
     exact = _impulses(forces, ends._replace(layer=np.full(2, _THINNEST)), _REFERENCE)
     scale = np.max(np.abs(exact), axis=(0, 2))
+    # The slope of a constant force is rounding error.
+    scale[0] = max(scale[0], scale[1])
     used = scale > 0
     best, least = _LAYOUTS[0], np.inf
     for layout in _LAYOUTS:
@@ -367,9 +380,10 @@ def choose_layout(oscillator: Oscillator, forces: Forces, turning_points: Sequen
 
 
 def _impulses(forces: Forces, frame: _Frame, layout: Layout) -> np.ndarray:
-    """Return integrals of the resisting force, its slope and its columns over the first half of each half-cycle.
+    """Integrate the resisting force over the first half of each half-cycle.
 
-    Their weights are the sine and the cosine of the phase, by which a force acts on amplitude and time.
+    Its slope and its columns are integrated too. The weights are the sine and the cosine of the phase, by which a force
+    acts on amplitude and time.
 
     Returns:
         Shape (2, 3 + columns, half_cycles); the last integrand is the lapse of time of the coordinate.

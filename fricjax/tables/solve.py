@@ -54,7 +54,7 @@ class Size(NamedTuple):
     samples: int
 
     def fill(self, values: Sequence[float] | np.ndarray) -> np.ndarray:
-        """Return values of the samples, the last one repeated up to the number of samples."""
+        """Repeat the last value up to the number of samples."""
         values = np.asarray(values, dtype=float)
         return np.concatenate([values, np.full(self.samples - values.size, values[-1])])
 
