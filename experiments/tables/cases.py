@@ -1,4 +1,4 @@
-"""Machines for the accuracy of the table engine: fixed, random, and with half-cycles that barely leave rest."""
+"""Fixed, random and barely moving machines for the table engine."""
 
 from typing import NamedTuple
 
@@ -14,10 +14,13 @@ KNOTS = (0.0, 2e-3, 5e-3, 1e-2, 2e-2, 5e-2, 0.16)
 
 
 class Case(NamedTuple):
-    """A machine, its initial displacement, the coefficients of the derivatives and the largest number of half-cycles.
+    """A machine with a release.
 
     Attributes:
-        loose: whether 0.3 nm on 2 mm are allowed in place of 0.1 nm: an exponent of 0.5, a regularisation width below
+        x0: initial displacement [m or rad].
+        free: coefficients of the derivatives.
+        half_cycles: largest number of half-cycles.
+        loose: whether 0.3 nm on 2 mm are allowed instead of 0.1 nm: an exponent of 0.5, a regularisation width below
             1e-5 of the speed or 1e-5 m/s, or a monotone spline.
     """
 
@@ -81,7 +84,7 @@ def fixed() -> list[Case]:
 
 
 def random(count: int, seed: int = 1) -> list[Case]:
-    """Return machines of all laws without internal states, with all springs, loads, masses and frequencies.
+    """Return random machines with all memoryless laws and all springs.
 
     Half of the set-valued ones come to rest within the record.
     """
@@ -117,7 +120,10 @@ def _random(rng: np.random.Generator, i: int) -> Case:
 def _random_law(
     rng: np.random.Generator, mu: float, speed: float, load: float, i: int
 ) -> tuple[str, fr.AbstractFriction, tuple[str, ...], bool]:
-    """Return a law with the coefficient `mu` for a largest speed [m/s], its names, and whether it is a loose case."""
+    """Return name, law, free coefficients, and whether the case is loose.
+
+    `speed` is the largest speed of the motion [m/s].
+    """
     static, scale = mu * rng.uniform(1.02, 1.5), speed * 10 ** rng.uniform(-2, -0.3)
     exponent = (2.0, 1.0, 0.5)[i % 3]
     width = speed * 10 ** rng.uniform(-5.5, -2)

@@ -1,4 +1,4 @@
-"""Decays and their derivatives by SciPy, from force laws written in plain NumPy.
+"""Decays and their derivatives by SciPy from laws in plain NumPy.
 
 DOP853 integrates each half-cycle together with its variational equations. Derivatives of the forces come from complex
 steps. Nothing here uses the package except the values of coefficients.
@@ -26,7 +26,7 @@ smallest step of the integrator."""
 
 
 class Truth(NamedTuple):
-    """Displacement, its derivatives by the coefficients and by x0, turning points, and whether the mass stopped."""
+    """Displacement, derivatives by coefficients and x0, turning points, and stop."""
 
     x: np.ndarray
     columns: np.ndarray
@@ -53,7 +53,10 @@ def _makkar(p: Numbers, u: np.ndarray) -> np.ndarray:
 
 
 def _spline(p: Numbers, knots: Sequence[float], monotone: bool) -> Force:
-    """Return the cubic through the values in ln(1 + u/u_1): no curvature at zero, no slope at the last knot."""
+    """Return the cubic through the values in ln(1 + u/u_1).
+
+    It has no curvature at zero and no slope at the last knot.
+    """
     forces = np.stack([p[f"forces_{i}"] for i in range(len(knots))])
     s = np.log1p(np.asarray(knots) / knots[1])
     h, n = np.diff(s), len(knots)
@@ -85,7 +88,7 @@ def _spline(p: Numbers, knots: Sequence[float], monotone: bool) -> Force:
 
 
 def friction_of(law: AbstractFriction, numbers: Numbers) -> Force:
-    """Return the sliding force [N] of a law, from the numbers of its machine and the speed [m/s]."""
+    """Return the sliding force [N] from numbers and speed [m/s]."""
     if isinstance(law, AbstractSpline):
         return _spline(numbers, law.knots, isinstance(law, MonotoneSpline))
     formulas: dict[str, Force] = {
@@ -112,7 +115,7 @@ def _restoring(name: str, p: Numbers, x: np.ndarray) -> np.ndarray:
 
 
 class Machine:
-    """Forces per mass of a machine with derivatives by speed, displacement and coefficients.
+    """Forces per mass of a machine with their derivatives.
 
     Attributes:
         names: coefficients for the derivatives.
@@ -141,13 +144,14 @@ class Machine:
         )
 
     def forces(self, u: float, x: float) -> tuple[float, float, np.ndarray, float, float, np.ndarray, float, float]:
-        """Return D, dD/du, columns of D; r, dr/dx, columns of r; internal friction of the spring and its slope.
+        """Return the resisting, restoring and internal forces with derivatives.
 
-        Columns are derivatives by the logarithm of each coefficient.
+        They are D, dD/du, columns of D; r, dr/dx, columns of r; internal friction of the spring and its slope. Columns
+        are derivatives by the logarithm of each coefficient.
         """
         p = self.numbers
-        # Row 0 has the complex step in speed and displacement, row 1 none, row 2 no speed, and the others have the steps
-        # of the coefficients. A power of the speed below one has an infinite slope at zero, so below SLOWEST the
+        # Row 0 has the complex step in speed and displacement, row 1 none, row 2 no speed; the others have the steps of
+        # the coefficients. A power of the speed below one has an infinite slope at zero, so below SLOWEST the
         # slope is that of the secant.
         size = max(u, SLOWEST)
         us, xs = np.full(len(self.names) + 3, u, complex), np.full(len(self.names) + 3, x, complex)
@@ -201,7 +205,7 @@ def _half_cycle(
     machine: Machine, side: float, y: np.ndarray, t: float, ts: np.ndarray, x: np.ndarray, columns: np.ndarray,
     rtol: float, atol: np.ndarray,
 ) -> tuple[np.ndarray, float]:  # fmt: skip
-    """Integrate to the next reversal, and write the samples; return the state there on the new side."""
+    """Integrate to the next reversal and write the samples."""
     count = columns.shape[1]
 
     def acceleration(state: np.ndarray, direction: float) -> float:

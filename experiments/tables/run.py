@@ -31,7 +31,10 @@ SAMPLES = 40
 def attempt(
     case: cases.Case, points: np.ndarray, ts: np.ndarray, rests: bool, centre: Literal["onset", "fastest"], finer: bool
 ) -> tuple[Decay, bool, float]:
-    """Return the motion, whether it is accepted, and the estimate of its error relative to the initial displacement."""
+    """Return the motion, whether it is accepted, and its estimated error.
+
+    The error is relative to the initial displacement.
+    """
     reach = max(abs(case.x0), float(np.max(np.abs(points))))
     rate = float(np.sqrt(case.oscillator.stiffness / case.oscillator.mass))
     secant = float(case.oscillator.restoring_force(np.float64(reach)) / (case.oscillator.stiffness * reach))

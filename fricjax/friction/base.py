@@ -175,7 +175,7 @@ class AbstractFriction(eqx.Module):
 
     @property
     def kink_speeds(self) -> tuple[float, ...]:
-        """Speeds above zero at which a derivative of the sliding force jumps [m/s]."""
+        """Speeds at which a derivative of the sliding force jumps [m/s]."""
         return ()
 
     @property

@@ -1,6 +1,8 @@
-from .decay import Decay, Quality, Start, decay
+from .decay import Decay, Quality, decay
 from .forces import Forces, Tabulation, tabulate
-from .mesh import Layout, Mesh, choose_layout, make_mesh
+from .layout import Layout, choose_layout
+from .mesh import Mesh, make_mesh
+from .nodes import Start
 from .solve import Size, error, padded, solve
 
 __all__ = [

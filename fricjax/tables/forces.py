@@ -9,12 +9,12 @@ each. Kinks of the force are edges of cells.
 
 import functools
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.extend.core import ClosedJaxpr
+from jax.extend.core import ClosedJaxpr  # pyright: ignore[reportPrivateImportUsage]
 from jaxtyping import Array, Float
 
 from ..errors import check_choice
@@ -34,11 +34,14 @@ _SLOWEST = 1e-9
 _TRAVEL_CELLS = 16
 _COLUMNS = 8
 
-Values = Float[Array | np.ndarray, "..."]
+if TYPE_CHECKING:
+    type Values = Any
+else:
+    Values = Float[Array | np.ndarray, "..."] | np.float64
 
 
 class Curve(NamedTuple):
-    """Piecewise polynomial of one variable for both sides, with its derivatives by the coefficients.
+    """Piecewise polynomial for both sides, with derivatives by the coefficients.
 
     The cells of the side -1 precede those of the side +1. Each polynomial is in a local coordinate from -1 to 1.
 
@@ -137,7 +140,7 @@ class Tabulation:
         return np.array([self._leaves[place] for place in self._free])
 
     def __call__(self, values: Sequence[float] | np.ndarray) -> Forces:
-        """Tabulate the forces at these values of the named coefficients, in SI units."""
+        """Tabulate the forces at values of the named coefficients [SI]."""
         leaves = list(self._leaves)
         for place, value in zip(self._free, values, strict=True):
             leaves[place] = np.float64(value)
@@ -176,7 +179,7 @@ def tabulate(
 
 
 class _Grid:
-    """Cells of a curve and the points at which the host evaluates it."""
+    """Cells of a curve with the points of evaluation."""
 
     def __init__(self, edges: np.ndarray) -> None:
         places = -np.cos(np.pi * np.arange(_DEGREE + 1) / _DEGREE)
@@ -188,7 +191,10 @@ class _Grid:
         self.points = np.clip(self.points, np.repeat(edges[:-1], places.size), np.repeat(edges[1:], places.size))
 
     def curve(self, values: tuple[Any, Any], columns: tuple[Any, Any]) -> Curve:
-        """Return the curve with these values and columns at the points, for the sides -1 and +1."""
+        """Return the curve from values at the points.
+
+        Both arguments hold the arrays of the sides -1 and +1.
+        """
         parts = (self._coefficients(np.concatenate(each, axis=-1)) for each in (values, columns))
         return Curve(self.edges, self.centres, self.scales, *parts)
 
@@ -198,7 +204,7 @@ class _Grid:
 
 
 def _speed_edges(speed: float, kinks: Sequence[float]) -> np.ndarray:
-    """Return edges of cells in even steps of ln(1 + u/u_0), with the kinks among them."""
+    """Return edges in even steps of ln(1 + u/u_0), and the kinks."""
     lowest = _SLOWEST * speed
     even = lowest * np.expm1(np.linspace(0.0, np.log1p(1 / _SLOWEST), _SPEED_CELLS + 1 - len(kinks)))
     even[-1] = speed
@@ -215,7 +221,7 @@ def _places(oscillator: Oscillator, names: Sequence[str]) -> tuple[int, ...]:
 
 
 def _stacked(like: np.ndarray, columns: Sequence[np.ndarray], count: int) -> np.ndarray:
-    """Return the columns as rows of an array, padded with zeros to that count."""
+    """Stack columns as rows, padded with zeros."""
     rows = np.zeros((count, like.size))
     for row, column in zip(rows, columns, strict=False):
         row[:] = column
@@ -228,7 +234,7 @@ _LEVELS = 7
 
 @functools.lru_cache(maxsize=64)
 def _traced(structure: Any, free: tuple[int, ...], speeds: int, travels: int) -> ClosedJaxpr:
-    """Trace the forces per mass, and their derivatives by the leaves `free`, over all leaves and both grids."""
+    """Trace forces per mass and their derivatives by the leaves `free`."""
 
     def forces(leaves: Sequence[Any], speed: Any, travel: Any) -> tuple[Any, ...]:
         machine = jax.tree.unflatten(structure, leaves)

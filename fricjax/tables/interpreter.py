@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from jax.extend.core import ClosedJaxpr, Jaxpr, Literal, Var
+from jax.extend.core import ClosedJaxpr, Jaxpr, Literal, Var  # pyright: ignore[reportPrivateImportUsage]
 
 
 def _select(which: Any, *cases: Any) -> Any:
@@ -156,9 +156,10 @@ def evaluate(program: ClosedJaxpr, *arguments: Any) -> list[Any]:
 
 
 def _run(jaxpr: Jaxpr, constants: Sequence[Any], arguments: Sequence[Any], earlier: dict[Any, Any]) -> list[Any]:
-    """Evaluate the operations in order; `earlier` holds results by operation and identity of the arguments.
+    """Evaluate the operations in order.
 
-    It also holds the arguments, so that their identities stay unique.
+    `earlier` holds results by operation and identity of the arguments. It also holds the arguments, so that their
+    identities stay unique.
     """
     values: dict[Var, Any] = dict(zip([*jaxpr.constvars, *jaxpr.invars], [*constants, *arguments], strict=True))
     for equation in jaxpr.eqns:
@@ -174,7 +175,7 @@ def _run(jaxpr: Jaxpr, constants: Sequence[Any], arguments: Sequence[Any], earli
 
 
 def _apply(equation: Any, name: str, settings: Mapping[str, Any], inputs: list[Any], earlier: dict[Any, Any]) -> Any:
-    """Return the outputs of one operation, from an earlier equal one if there is one."""
+    """Return the outputs of one operation, or of an equal earlier one."""
     function, wanted = (_PLAIN[name], ()) if name in _PLAIN else _WITH.get(name, (None, ()))
     if function is None or any(settings.get("dimension_numbers", ((), ()))[1]):
         outputs = equation.primitive.bind(*inputs, **settings)

@@ -7,9 +7,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .decay import Decay, Start, decay
+from .decay import Decay, decay
 from .forces import Forces, Values
 from .mesh import Mesh
+from .nodes import Start
 
 # Sizes of arrays that are compiled. Each is at most four times the needed one, so a decay does at most four times the
 # work, and all records of up to 256 half-cycles and a million samples share 3 x 6 programs for each layout.
@@ -54,7 +55,7 @@ class Size(NamedTuple):
     samples: int
 
     def fill(self, values: Sequence[float] | np.ndarray) -> np.ndarray:
-        """Return values of the samples, the last one repeated up to the number of samples."""
+        """Repeat the last value up to the number of samples."""
         values = np.asarray(values, dtype=float)
         return np.concatenate([values, np.full(self.samples - values.size, values[-1])])
 

@@ -35,8 +35,8 @@ TS = np.linspace(-0.01, 0.35, 500)
 FIXED = {case.name: case for case in machines.fixed()}
 
 
-def machine(law: AbstractFriction, **changes: float) -> Oscillator:
-    return Oscillator(**({"mass": M, "stiffness": K, "damping": C, "normal_force": LOAD} | changes), friction=law)
+def machine(law: AbstractFriction) -> Oscillator:
+    return Oscillator(M, K, C, LOAD, law)
 
 
 def closed_form(mu: float = 0.02, damping: float = C, stiffness: float = K, x0: float = X0, mu_s: float = 0.024):
@@ -49,7 +49,10 @@ def closed_form(mu: float = 0.02, damping: float = C, stiffness: float = K, x0: 
 
 @functools.cache
 def coulomb(columns: int = 8):
-    """Return tables, mesh and start of a Coulomb decay to rest, from turning points that are off by a per cent."""
+    """Return tables, mesh and start of a Coulomb decay to rest.
+
+    The turning points are off by a per cent.
+    """
     oscillator, truth = machine(Coulomb(0.02, 0.024)), closed_form()
     forces = tabulate(oscillator, FREE, speed=1.2 * RATE * X0, travel=1.1 * X0, columns=columns)
     points = np.append(X0, truth.points) * (1 + 0.01 * np.cos(np.arange(truth.points.size + 1)))
@@ -104,7 +107,7 @@ def test_padding_changes_nothing():
     oscillator = machine(Coulomb(0.02, 0.024))
     motion = decay(forces, mesh, start, TS, True)
     points = motion.turning_points
-    wide = make_mesh(oscillator, forces, points, half_cycles=size.half_cycles)
+    wide = make_mesh(oscillator, forces, np.asarray(points), half_cycles=size.half_cycles)
     other = decay(forces, wide, start, size.fill(TS), True)
     assert np.max(np.abs(other.x[: TS.size] - motion.x)) < 1e-15
     np.testing.assert_allclose(other.columns[: TS.size], motion.columns, rtol=1e-9, atol=1e-13)

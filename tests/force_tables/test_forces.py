@@ -1,5 +1,7 @@
 """Tables of forces against the laws, and the NumPy interpreter against JAX."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -20,7 +22,7 @@ def machine(law: AbstractFriction, spring: restoring.AbstractRestoring | None = 
     return Oscillator(0.4, 2500.0, 0.3, 9.0, law, restoring=spring or restoring.Linear(), drag=0.7)
 
 
-def read(curve: Curve, at: np.ndarray, side: int, column: int | None = None) -> np.ndarray:
+def read(curve: Curve, at: np.ndarray, side: int, column: int | None = None) -> Any:
     cells = curve.centres.size
     cell = np.clip(np.searchsorted(curve.edges, at, side="right") - 1, 0, cells - 1)
     table = curve.value if column is None else curve.columns[:, column]
@@ -28,7 +30,7 @@ def read(curve: Curve, at: np.ndarray, side: int, column: int | None = None) -> 
     return sum(power * local**i for i, power in enumerate(table[:, cell + cells * (side > 0)]))
 
 
-def exact(oscillator: Oscillator, speed: np.ndarray) -> np.ndarray:
+def exact(oscillator: Oscillator, speed: Any) -> np.ndarray:
     force = oscillator.dissipation(speed) + oscillator.friction.sliding_force(speed, oscillator.normal_force)
     return np.broadcast_to(np.asarray(force / oscillator.mass), speed.shape)
 
@@ -75,7 +77,7 @@ def test_columns_are_central_differences():
 def test_springs_differ_between_the_sides_by_their_internal_friction(spring: restoring.AbstractRestoring):
     oscillator = machine(Coulomb(0.1), spring)
     forces = tabulate(oscillator, ["stiffness"], speed=SPEED, travel=TRAVEL)
-    x = np.linspace(-TRAVEL, TRAVEL, 101)
+    x: Any = np.linspace(-TRAVEL, TRAVEL, 101)
     force, inner = (np.asarray(each) for each in (oscillator.restoring_force(x), oscillator.hysteresis(x)))
     for side in (-1, 1):
         expected = (force - side * inner) / oscillator.mass
@@ -106,7 +108,7 @@ def test_names_in_full_and_more_columns():
 def test_refusals():
     with pytest.raises(ValueError, match="laws without internal states, and LuGre has 1"):
         Tabulation(machine(LuGre(0.1)), ["mu"], SPEED, TRAVEL)
-    with pytest.raises(ValueError, match="There is no coefficient 'moo'. Choose one of mass"):
+    with pytest.raises(ValueError, match=r"There is no coefficient 'moo'\. Choose one of mass"):
         Tabulation(machine(Coulomb(0.1)), ["moo"], SPEED, TRAVEL)
     with pytest.raises(ValueError, match="2 coefficients need as many columns, got 1"):
         Tabulation(machine(Coulomb(0.1)), ["mu", "damping"], SPEED, TRAVEL, columns=1)
