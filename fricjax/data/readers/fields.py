@@ -5,13 +5,13 @@ from collections.abc import Iterable
 
 import numpy as np
 
-MISSING = ("", "nan", "na", "n/a", "null", "none", "-nan", "1.#qnan", "inf", "-inf", "+inf", "-", "--")
+MISSING = frozenset((
+    "", "nan", "na", "n/a", "null", "none", "-nan", "1.#qnan", "inf", "-inf", "+inf", "-", "--",
+))  # fmt: skip
 NUMBER, BLANK, WATCH, WORD = "number", "blank", "clock", "word"
 # Thousands separators, as in 1,038.4. Decimals must follow, because 1,038 can also have a decimal comma.
-_GROUPED = {
-    ".": re.compile(r"[-+]?\d{1,3}(?P<mark>[,'])\d{3}(?:(?P=mark)\d{3})*\.\d+"),
-    ",": re.compile(r"[-+]?\d{1,3}(?P<mark>[.'])\d{3}(?:(?P=mark)\d{3})*,\d+"),
-}
+_GROUPED = re.compile(r"[-+]?\d{1,3}(?P<mark>[,'])\d{3}(?:(?P=mark)\d{3})*\.\d+")
+_SWAPPED = str.maketrans(".,", ",.")
 _LONGEST = 100_000  # longest line in which quotes are respected [characters]
 
 
@@ -33,21 +33,18 @@ def number(field: str, decimal: str) -> float | None:
     """Parse a field: NaN if missing, None if not a number."""
     if field.lower() in MISSING:
         return float("nan")
-    mark = thousands_in(field, decimal)
-    text = field if mark is None else field.replace(mark, "")
-    text = text.replace(",", ".") if decimal == "," else text
-    if "_" in text:
-        return None
+    text = field.translate(_SWAPPED) if decimal == "," else field
     try:
-        return float(text)
+        return None if "_" in text else float(text)
     except ValueError:
-        return None
+        match = _GROUPED.fullmatch(text)
+        return None if match is None else float(text.replace(match["mark"], ""))
 
 
 def thousands_in(field: str, decimal: str) -> str | None:
     """Return the thousands separator of a field, None without one."""
-    match = _GROUPED[decimal].fullmatch(field)
-    return None if match is None else match["mark"]
+    match = _GROUPED.fullmatch(field.translate(_SWAPPED) if decimal == "," else field)
+    return None if match is None else match["mark"].translate(_SWAPPED) if decimal == "," else match["mark"]
 
 
 def kind_of(field: str, decimal: str) -> str:
@@ -68,7 +65,7 @@ _DAY = 86400.0
 
 def is_clock(field: str) -> bool:
     """Return True for a time of day, with or without date."""
-    return len(field) < 40 and CLOCK.fullmatch(field) is not None
+    return ":" in field and len(field) < 40 and CLOCK.fullmatch(field) is not None
 
 
 def seconds_of(fields: Iterable[object]) -> np.ndarray:
