@@ -75,16 +75,6 @@ class Layout:
     thousands: str | None = None
     rate: float | None = None
 
-    @property
-    def names(self) -> list[str]:
-        """Names of the columns, without units."""
-        return [title.name for title in self.titles]
-
-    @property
-    def units(self) -> list[str | None]:
-        """Units of the columns, None if not given."""
-        return [title.unit for title in self.titles]
-
 
 def sniff(lines: Sequence[str], dialect: Dialect, source: str) -> Layout:
     """Detect the layout of a table from the first lines.
@@ -93,20 +83,18 @@ def sniff(lines: Sequence[str], dialect: Dialect, source: str) -> Layout:
         DataError: no rows of numbers, or rows of too many fields.
     """
     skip = dialect.skip_rows or 0
-    content = [i for i in range(skip, len(lines)) if dialect.holds_data(lines[i])]
+    content = [i for i in range(skip, len(lines)) if dialect.holds_data(lines[i])][: 2 * SNIFFED_LINES]
     if not content:
         raise DataError(f"{source} holds no data after {skip} skipped rows; only blank lines or comments.")
-    delimiter, decimal = _separators([lines[i] for i in content[: 2 * SNIFFED_LINES]], dialect, source)
-    rows = {i: split(lines[i], delimiter) for i in content[: 2 * SNIFFED_LINES]}
-    kinds = {i: [kind_of(field, decimal) for field in row] for i, row in rows.items()}
-    width = _width(list(kinds.values()))
+    delimiter, decimal, rows = _separators([lines[i] for i in content], dialect, source)
+    kinds, width = dict(zip(content, rows, strict=True)), _width(rows)
     # Some rows may end with a delimiter.
     kinds = {i: row[:width] if set(row[width:]) == {BLANK} else row for i, row in kinds.items()}
     if width > WIDEST:
-        raise DataError(f"{source} has rows of {width} fields, but at most {WIDEST} are read; check the delimiter.")
+        raise DataError(f"{source} has rows of more than {WIDEST} fields; check the delimiter.")
     first, pure, columns = _body(kinds, width)
     # LabVIEW's last title is Comment: only rows with a comment have this field.
-    titled = max((len(kinds[i]) for i in content if i < first and i in kinds and set(kinds[i]) == {WORD}), default=0)
+    titled = max((len(kinds[i]) for i in content if i < first and set(kinds[i]) == {WORD}), default=0)
     if delimiter != " " and width < titled <= width + 3:
         columns += [BLANK] * (titled - width)
         width = titled
@@ -114,7 +102,7 @@ def sniff(lines: Sequence[str], dialect: Dialect, source: str) -> Layout:
     titles = numbered(width)
     if dialect.header is not False:
         titles = titles_of(above, columns, delimiter, dialect.is_comment)
-    marks = (thousands_in(field, decimal) for i, row in rows.items() if i >= first for field in row)
+    fields = (field for i in content if i >= first for field in split(lines[i], delimiter))
     return Layout(
         delimiter,
         decimal,
@@ -123,32 +111,32 @@ def sniff(lines: Sequence[str], dialect: Dialect, source: str) -> Layout:
         titles.texts,
         columns,
         titles.line,
-        next((mark for mark in marks if mark), None),
+        next(filter(None, (thousands_in(field, decimal) for field in fields)), None),
         stated_rate(above),
     )
 
 
-def _separators(lines: list[str], dialect: Dialect, source: str) -> tuple[str, str]:
+def _separators(lines: list[str], dialect: Dialect, source: str) -> tuple[str, str, list[list[str]]]:
     """Find delimiter and decimal mark that give most rows of numbers.
 
     All rows must have the same width. If fewer than half of the lines are such rows, rows that mix numbers with words
-    or times of day count too.
+    or times of day count too. The third result is the kinds of the fields of each line.
     """
     sample = lines[-SNIFFED_LINES:]
     # The tab also stands for a table of one column, which has no delimiter.
     occurring = [mark for mark in DELIMITERS if mark == "\t" or any(mark in line for line in sample)]
     chosen = [] if dialect.delimiter is None else [NAMED.get(dialect.delimiter, dialect.delimiter)]
+    decimals = [mark for mark in (".", ",") if mark == "." or any(mark in line for line in sample)]
     # Between quotes a comma is not a delimiter and may be a decimal mark.
     quoted = any('"' in line for line in sample)
     pairs = [
         (delimiter, decimal)
         for delimiter in chosen or occurring
-        for decimal in ((".", ",") if dialect.decimal is None else (dialect.decimal,))
+        for decimal in (decimals if dialect.decimal is None else [dialect.decimal])
         if delimiter != decimal or quoted
     ]
-    read = {
-        pair: [[kind_of(f, pair[1]) for f in split(line, pair[0])[: WIDEST + 1]] for line in sample] for pair in pairs
-    }
+    kinds = lambda line, pair: [kind_of(field, pair[1]) for field in split(line, pair[0])[: WIDEST + 1]]
+    read = {pair: [kinds(line, pair) for line in sample] for pair in pairs}
     pure = {pair: [row for row in rows if _is_pure(row)] for pair, rows in read.items()}
     best = max(pairs, key=lambda pair: _score(pure[pair]))
     count = _score(pure[best])[0]
@@ -163,7 +151,7 @@ def _separators(lines: list[str], dialect: Dialect, source: str) -> tuple[str, s
             f"{source} holds no rows of numbers (its first line reads {brief(lines[0].strip())}); check the file, or "
             "give delimiter=, decimal= and skip_rows=."
         )
-    return best
+    return *best, [*(kinds(line, best) for line in lines[:-SNIFFED_LINES]), *read[best]]
 
 
 def _score(rows: list[list[str]]) -> tuple[int, int, int]:

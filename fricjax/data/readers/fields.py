@@ -10,8 +10,10 @@ MISSING = frozenset((
 ))  # fmt: skip
 NUMBER, BLANK, WATCH, WORD = "number", "blank", "clock", "word"
 # Thousands separators, as in 1,038.4. Decimals must follow, because 1,038 can also have a decimal comma.
-_GROUPED = re.compile(r"[-+]?\d{1,3}(?P<mark>[,'])\d{3}(?:(?P=mark)\d{3})*\.\d+")
-_SWAPPED = str.maketrans(".,", ",.")
+_GROUPED = {
+    ".": re.compile(r"[-+]?\d{1,3}(?P<mark>[,'])\d{3}(?:(?P=mark)\d{3})*\.\d+"),
+    ",": re.compile(r"[-+]?\d{1,3}(?P<mark>[.'])\d{3}(?:(?P=mark)\d{3})*,\d+"),
+}
 _LONGEST = 100_000  # longest line in which quotes are respected [characters]
 
 
@@ -20,9 +22,11 @@ def split(line: str, delimiter: str) -> list[str]:
 
     A delimiter between quotes does not separate.
     """
+    if '"' not in line:
+        return line.split() if delimiter == " " else [field.strip() for field in line.split(delimiter)]
     if delimiter == " ":
         fields = line.split()
-    elif '"' in line and len(line) < _LONGEST:
+    elif len(line) < _LONGEST:
         fields = re.split(rf'{re.escape(delimiter)}(?=(?:[^"]*"[^"]*")*[^"]*$)', line)
     else:
         fields = line.split(delimiter)
@@ -33,18 +37,22 @@ def number(field: str, decimal: str) -> float | None:
     """Parse a field: NaN if missing, None if not a number."""
     if field.lower() in MISSING:
         return float("nan")
-    text = field.translate(_SWAPPED) if decimal == "," else field
+    mark = thousands_in(field, decimal)
+    text = field if mark is None else field.replace(mark, "")
+    if decimal == ",":
+        text = text.replace(".", "_").replace(",", ".")
+    if "_" in text:
+        return None
     try:
-        return None if "_" in text else float(text)
+        return float(text)
     except ValueError:
-        match = _GROUPED.fullmatch(text)
-        return None if match is None else float(text.replace(match["mark"], ""))
+        return None
 
 
 def thousands_in(field: str, decimal: str) -> str | None:
     """Return the thousands separator of a field, None without one."""
-    match = _GROUPED.fullmatch(field.translate(_SWAPPED) if decimal == "," else field)
-    return None if match is None else match["mark"].translate(_SWAPPED) if decimal == "," else match["mark"]
+    match = _GROUPED[decimal].fullmatch(field)
+    return None if match is None else match["mark"]
 
 
 def kind_of(field: str, decimal: str) -> str:

@@ -48,7 +48,8 @@ class Text:
             UsageError: an unknown encoding.
         """
         with path.open("rb") as file:
-            data = file.read(HEAD)
+            # The buffer for a megabyte takes more time than a short file.
+            data = file.read(min(path.stat().st_size, HEAD))
         known = _encoding(path, data, encoding)
         text = cls(path, known, data, in_file=len(data) == HEAD)
         if "16" in known or "32" in known:

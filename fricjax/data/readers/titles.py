@@ -7,7 +7,7 @@ from typing import NamedTuple
 from .fields import BLANK, NUMBER, WORD, kind_of, number, split
 from .header import UNSCALED, Title, is_time, is_unit, measures, split_title
 
-NEAR = 6  # number of lines above the data to search for titles and units, without rules and blank lines
+_NEAR = 6  # number of lines above the data to search for titles and units, without rules and blank lines
 _RULE = re.compile(r"[\s\-=_*+|~.:;,]*[-=_*+~]{2}[\s\-=_*+|~.:;,]*")
 _STATED = ("y_unit_label", "vertical units", "vertical unit", "y units", "y unit", "yunit", "units", "unit", "einheit")
 _RATE = re.compile(
@@ -55,7 +55,7 @@ def titles_of(above: Sequence[str], kinds: list[str], delimiter: str, is_comment
     lines = [line for line in above if line.strip() and not _RULE.fullmatch(line)]
     rows_above: list[tuple[str, list[str]]] = []
     # The titles end at a line of another kind, such as a preamble or a remark.
-    for line in reversed([line for line in lines if not is_comment(line)][-NEAR:]):
+    for line in reversed([line for line in lines if not is_comment(line)][-_NEAR:]):
         fields = _fields(line, kinds, delimiter)
         if fields is None:
             break
