@@ -4,6 +4,7 @@ import codecs
 import dataclasses
 import io
 import itertools
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import IO
@@ -20,6 +21,8 @@ _MARKS = (
     (codecs.BOM_UTF16_BE, "utf-16"),
 )
 _WIDE = 1 << 28  # bytes of a file in UTF-16 or UTF-32 that are turned into UTF-8 in memory
+
+_LINE_END = re.compile(rb"\r\n?|\n")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -65,6 +68,13 @@ class Text:
     def open(self) -> IO[bytes]:
         """Open the text as bytes."""
         return self.path.open("rb") if self.in_file else io.BytesIO(self.data)
+
+    def after(self, count: int) -> IO[bytes]:
+        """Open the text as bytes, behind its first `count` lines."""
+        file = io.BytesIO(self.data)
+        for end in itertools.islice(_LINE_END.finditer(self.data), max(count - 1, 0), count):
+            file.seek(end.end())
+        return file
 
     def lines(self) -> Iterator[str]:
         """Yield all lines without their line ends."""
