@@ -35,9 +35,7 @@ def read_table(path: str | Path, columns: Mapping[str, str], *, what: str) -> di
         raise DataError(f"The file '{path}' cannot be read: {error.strerror}. Check the path.") from error
     layout, width = table.layout, len(columns)
     if len(layout.titles) < width:
-        raise DataError(
-            f"{path.name} has {len(layout.titles)} column(s); {what} needs {width}: {', '.join(columns)}."
-        )
+        raise DataError(f"{path.name} has {len(layout.titles)} column(s); {what} needs {width}: {', '.join(columns)}.")
     rows = []
     for row, line in table.rows():
         values = [number(field, layout.decimal) for field in split(line, layout.delimiter)[:width]]

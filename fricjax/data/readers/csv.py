@@ -60,8 +60,6 @@ def read_csv(
 # A tenth of the lines takes a tenth of the time, and the rows below do not fit a wrong layout.
 _LINES = (8, 80, 1000)
 _FEW = 4  # tables with at most this many columns are read in one pass, before the selection
-# Exceptions of pandas for cells and rows that do not fit.
-_UNREADABLE = (ValueError, TypeError, OverflowError)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -100,12 +98,12 @@ class TextTable:
             place = lambda i: f"row {next(itertools.islice(self.rows(), i, None))[0]}"
             return Sheet(columns, self._load, place, layout.rate)
         blocks = self._blocks()
-        runs = range(len(blocks))
-        stacked = [dataclasses.replace(c, run=f"Run {i + 1}", key=(c.key, i)) for i in runs for c in columns]
-
-        def load(wanted: Sequence[Column]) -> list[np.ndarray]:
-            return [self._checked(blocks[run], [i])[i] for i, run in (column.key for column in wanted)]
-
+        stacked = [
+            dataclasses.replace(column, run=f"Run {i + 1}", key=(i, column.key))
+            for i in range(len(blocks))
+            for column in columns
+        ]
+        load = lambda wanted: [self._checked(blocks[run], [i])[i] for run, i in (column.key for column in wanted)]
         return Sheet(stacked, load, rate=layout.rate)
 
     def rows(self) -> Iterator[tuple[int, str]]:
@@ -124,20 +122,15 @@ class TextTable:
 
     def _column(self, i: int) -> Column:
         layout = self.layout
-        title, kind = layout.titles[i], layout.kinds[i]
-        unit = title.unit or self._unit_beside(i)
-        if kind == WATCH and not is_time(title.name, unit):
+        (name, unit, run), kind, clock = layout.titles[i], layout.kinds[i], layout.kinds[i] == WATCH
+        if unit is None and layout.kinds[i + 1 : i + 2] == [WORD]:
+            # The next column may repeat the unit in each row.
+            word = split(next(self.rows())[1], layout.delimiter)[i + 1]
+            unit = word if is_unit(word) else None
+        if clock and not is_time(name, unit):
             unit = "s"
         fault = {WORD: "holds words", BLANK: "is empty"}.get(kind)
-        clock = kind == WATCH
-        return Column(title.name, unit, title.run, layout.texts[i], None, fault, not layout.texts[i], clock, key=i)
-
-    def _unit_beside(self, i: int) -> str | None:
-        """Return the unit that the next column repeats in each row."""
-        if self.layout.kinds[i + 1 : i + 2] != [WORD]:
-            return None
-        word = split(next(self.rows())[1], self.layout.delimiter)[i + 1]
-        return word if is_unit(word) else None
+        return Column(name, unit, run, layout.texts[i], None, fault, not layout.texts[i], clock, key=i)
 
     def _load(self, wanted: Sequence[Column]) -> list[np.ndarray]:
         places = [column.key for column in wanted]
@@ -158,47 +151,44 @@ class TextTable:
         return self._read_at_once(places) if len(places) <= _FEW else {}
 
     def _read_at_once(self, places: Sequence[int]) -> dict[int, np.ndarray]:
-        """Read the columns in one pass; empty if a row misfits."""
-        # Without the handling of gaps and blanks, reading takes two thirds of the time.
-        return self._parsed(places, gaps=False) or self._parsed(places, gaps=True)
-
-    def _parsed(self, places: Sequence[int], *, gaps: bool) -> dict[int, np.ndarray]:
-        """Read columns as numbers, shape (rows,) each; empty if a row misfits.
+        """Read columns in one pass; empty if a row misfits.
 
         Times of day become seconds.
         """
         import pandas as pd
 
-        layout, text = self.layout, self.text
-        if any(line.count('"') % 2 for line in text.first(layout.first_line)):
-            return {}  # the parser would join the lines after an open quote
+        layout, text, every = self.layout, self.text, range(len(self.layout.titles))
         clocks = {i for i in places if layout.kinds[i] == WATCH}
         # Pandas refuses names of columns that no row has, such as LabVIEW's comment column without comments.
-        wanted = None if set(places) == set(range(len(layout.titles))) else sorted(set(places))
-        # Pandas reads a long text faster from its path, and skips lines of a short one slower than `after`.
-        file, skipped = (text.path, layout.first_line) if text.in_file else (text.after(layout.first_line), 0)
-        try:
-            table = pd.read_csv(
-                file,
-                sep=r"\s+" if layout.delimiter == " " else layout.delimiter,
-                decimal=layout.decimal,
-                thousands=layout.thousands,
-                header=None,
-                skiprows=skipped,
-                names=range(wanted[-1] + 1 if wanted else len(layout.titles)),
-                usecols=wanted,
-                # One type for all columns takes less time than one for each.
-                dtype={i: str if i in clocks else np.float64 for i in places} if clocks else np.float64,
-                index_col=False,
-                na_filter=gaps,
-                na_values=list(MISSING) if gaps else None,
-                skipinitialspace=gaps,
-                encoding_errors="replace",
-                low_memory=text.in_file,  # a short text needs no parts
-            )
-        except _UNREADABLE:
-            return {}
-        return {i: seconds_of(table[i]) if i in clocks else table[i].to_numpy(dtype=np.float64) for i in places}
+        wanted = None if set(places) == set(every) else sorted(set(places))
+        if any(line.count('"') % 2 for line in text.first(layout.first_line)):
+            return {}  # the parser would join the lines after an open quote
+        # Without the handling of gaps and blanks, reading takes two thirds of the time.
+        for gaps in (False, True):
+            # Pandas reads a long text faster from its path, and skips lines of a short one slower than `after`.
+            file, skipped = (text.path, layout.first_line) if text.in_file else (text.after(layout.first_line), 0)
+            # Pandas raises many kinds of errors for a cell or a row that does not fit.
+            with contextlib.suppress(ValueError, TypeError, OverflowError):
+                table = pd.read_csv(
+                    file,
+                    sep=r"\s+" if layout.delimiter == " " else layout.delimiter,
+                    decimal=layout.decimal,
+                    thousands=layout.thousands,
+                    header=None,
+                    skiprows=skipped,
+                    names=every if wanted is None else range(wanted[-1] + 1),
+                    usecols=wanted,
+                    # One type for all columns takes less time than one for each.
+                    dtype={i: str if i in clocks else np.float64 for i in places} if clocks else np.float64,
+                    index_col=False,
+                    na_filter=gaps,
+                    na_values=list(MISSING) if gaps else None,
+                    skipinitialspace=gaps,
+                    encoding_errors="replace",
+                    low_memory=text.in_file,  # a short text needs no parts
+                )
+                return {i: seconds_of(table[i]) if i in clocks else table[i].to_numpy(np.float64) for i in places}
+        return {}
 
     def _checked(self, rows: Iterable[tuple[int, str]], places: Sequence[int]) -> dict[int, np.ndarray]:
         """Read columns line by line; refuse the first row that misfits."""
