@@ -3,13 +3,13 @@
     python experiments/benchmarks/reading.py [--rows 10000] [--repeats 100] [--files 1000]
 
 For each file the script prints the shortest times of both readers in turn, in milliseconds, and their ratio. The last
-row is a folder of comma-separated files, each read once.
+row is the median for a folder of comma-separated files, each read once.
 """
 
 import argparse
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -41,15 +41,19 @@ def write_texts(folder: Path, columns: np.ndarray) -> dict[Path, Callable[[], An
     return readers
 
 
-def shortest(readers: list[Callable[[], Any]], repeats: int) -> list[float]:
-    """Return the shortest time of each reader [s], called in turn."""
-    times = [[] for _ in readers]
-    for _ in range(repeats):
-        for reader, seconds in zip(readers, times, strict=True):
+def times_of(ours: Callable[..., Any], other: Callable[..., Any], calls: Iterable[tuple[Any, ...]]) -> np.ndarray:
+    """Call both readers in turn; return their times [s], shape (2, calls)."""
+    times = []
+    for arguments in calls:
+        for reader in (ours, other):
             begin = time.perf_counter()
-            reader()
-            seconds.append(time.perf_counter() - begin)
-    return [min(seconds) for seconds in times]
+            reader(*arguments)
+            times.append(time.perf_counter() - begin)
+    return np.reshape(times, (-1, 2)).T
+
+
+def show(name: str, ours: float, other: float) -> None:
+    print(f"{name:16}{1e3 * ours:9.2f}{1e3 * other:9.2f}{ours / other:7.2f}", flush=True)
 
 
 def main() -> None:
@@ -61,26 +65,17 @@ def main() -> None:
     t = np.arange(options.rows) / 5e3
     columns = np.stack([t, 2e-3 * np.cos(80 * t) * np.exp(-t)])
     print(f"{'file':16}{'fricjax':>9}{'other':>9}{'ratio':>7}")
-
-    def show(name: str, ours: Callable[[], Any], other: Callable[[], Any], repeats: int) -> None:
-        first, second = shortest([ours, other], repeats)
-        print(f"{name:16}{1e3 * first:9.2f}{1e3 * second:9.2f}{first / second:7.2f}", flush=True)
-
     with tempfile.TemporaryDirectory() as scratch:
-        readers = write_texts(Path(scratch), columns)
-        hdf5 = Path(scratch) / "run.h5"
+        readers, hdf5 = write_texts(Path(scratch), columns), Path(scratch) / "run.h5"
         with h5py.File(hdf5, "w") as file:
-            for title, values in zip(("t", "x"), columns, strict=True):
-                file[title] = values
+            file["t"], file["x"] = columns
         for path, other in {**readers, hdf5: partial(with_h5py, hdf5)}.items():
-            show(path.name, partial(fj.read, path), other, options.repeats)
-        folder = Path(scratch) / "folder"
-        folder.mkdir()
-        paths = [folder / f"{i:04}.csv" for i in range(options.files)]
-        text = (Path(scratch) / TEXTS[0][0]).read_text()
+            show(path.name, *times_of(partial(fj.read, path), other, [()] * options.repeats).min(axis=1))
+        text = next(iter(readers)).read_text()
+        paths = [Path(scratch) / f"{i:04}.csv" for i in range(options.files)]
         for path in paths:
             path.write_text(text)
-        show("folder", lambda: [fj.read(path) for path in paths], lambda: [pd.read_csv(path) for path in paths], 1)
+        show("folder, each", *np.median(times_of(fj.read, pd.read_csv, [(path,) for path in paths]), axis=1))
 
 
 if __name__ == "__main__":

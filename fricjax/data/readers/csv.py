@@ -136,7 +136,8 @@ class TextTable:
         places = [column.key for column in wanted]
         values = self._narrow if set(places) <= set(self._narrow) else self._read_at_once(places)
         # Pandas does not notice rows with too many fields if some columns are skipped.
-        if not values or (set(places) != set(range(len(self.layout.titles))) and self._has_too_long_row()):
+        partly = set(places) != set(range(len(self.layout.titles)))
+        if not values or (partly and self._has_too_long_row(values[places[0]].size)):
             # Comments between the rows, words below them, or an invalid row: read line by line.
             values = self._checked(self._blocks()[0], places)
         return [values[i] for i in places]
@@ -217,12 +218,14 @@ class TextTable:
             for i, column in zip(places, zip(*cells, strict=True), strict=True)
         }
 
-    def _has_too_long_row(self) -> bool:
-        """Return True if a row has more fields than columns."""
-        mark, width = self.layout.delimiter, len(self.layout.titles)
-        return any(
-            (mark == " " or line.count(mark) >= width) and self._is_too_long(split(line, mark))
-            for _, line in self.rows()
+    def _has_too_long_row(self, rows: int) -> bool:
+        """Return True if one of the rows has more fields than columns."""
+        layout = self.layout
+        parts = self.text.parts(layout.first_line)
+        marks = sum(part.count(layout.delimiter.encode()) for part in parts) if layout.delimiter != " " else None
+        # Splitting each line takes much longer than counting the delimiters.
+        return marks != rows * (len(layout.titles) - 1) and any(
+            self._is_too_long(split(line, layout.delimiter)) for _, line in self.rows()
         )
 
     def _is_too_long(self, fields: list[str]) -> bool:
@@ -240,7 +243,8 @@ class TextTable:
         """Return True if the line of titles is repeated below the data."""
         if self.layout.title_line is None or self._narrow:
             return False
-        return any(self._is_title(line) for _, line in self.rows())
+        title = self.layout.title_line.strip().encode(self.text.encoding.removesuffix("-sig"), "replace")
+        return any(title in part for part in self.text.parts(self.layout.first_line))
 
     def _blocks(self) -> list[list[tuple[int, str]]]:
         """Return the rows below each line of titles.

@@ -1,4 +1,4 @@
-"""The text of a file: its encoding, its first lines, and all of its lines."""
+"""The text of a file: its encoding and its lines."""
 
 import codecs
 import dataclasses
@@ -71,10 +71,16 @@ class Text:
 
     def after(self, count: int) -> IO[bytes]:
         """Open the text as bytes, behind its first `count` lines."""
-        file = io.BytesIO(self.data)
+        file = self.open()
         for end in itertools.islice(_LINE_END.finditer(self.data), max(count - 1, 0), count):
             file.seek(end.end())
         return file
+
+    def parts(self, count: int) -> Iterator[bytes]:
+        """Yield whole lines behind the first `count`, a megabyte at once."""
+        with self.after(count) as file:
+            while part := file.read(HEAD) + file.readline():
+                yield part
 
     def lines(self) -> Iterator[str]:
         """Yield all lines without their line ends."""
