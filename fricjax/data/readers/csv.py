@@ -166,8 +166,8 @@ class TextTable:
             return {}  # the parser would join the lines after an open quote
         # Without the handling of gaps and blanks, reading takes two thirds of the time.
         for gaps in (False, True):
-            # Pandas reads a long text faster from its path, and skips lines of a short one slower than `after`.
-            file, skipped = (text.path, layout.first_line) if text.in_file else (text.after(layout.first_line), 0)
+            # Pandas reads a long text faster from its path, and skips the lines of a short one slower than `open`.
+            file, skipped = (text.path, layout.first_line) if text.in_file else (text.open(layout.first_line), 0)
             # Pandas raises many kinds of errors for a cell or a row that does not fit.
             with contextlib.suppress(ValueError, TypeError, OverflowError):
                 table = pd.read_csv(
@@ -251,9 +251,10 @@ class TextTable:
 
         Other lines before and after the rows are left out.
         """
+        title = (self.layout.title_line or "").strip()
         blocks: list[list[tuple[int, str]]] = [[]]
         for row in self.rows():
-            if self._is_title(row[1]):
+            if row[1].strip() == title:
                 blocks.append([])
             else:
                 blocks[-1].append(row)
@@ -262,7 +263,3 @@ class TextTable:
                 block.pop()
         trimmed = (list(itertools.dropwhile(lambda row: not self.is_row(row[1]), block)) for block in blocks)
         return [block for block in trimmed if block]
-
-    def _is_title(self, line: str) -> bool:
-        title = self.layout.title_line
-        return title is not None and line.strip() == title.strip()

@@ -22,14 +22,10 @@ def split(line: str, delimiter: str) -> list[str]:
 
     A delimiter between quotes does not separate.
     """
-    if '"' not in line:
-        return line.split() if delimiter == " " else [field.strip() for field in line.split(delimiter)]
-    if delimiter == " ":
-        fields = line.split()
-    elif len(line) < _LONGEST:
+    if '"' in line and delimiter != " " and len(line) < _LONGEST:
         fields = re.split(rf'{re.escape(delimiter)}(?=(?:[^"]*"[^"]*")*[^"]*$)', line)
     else:
-        fields = line.split(delimiter)
+        fields = line.split(None if delimiter == " " else delimiter)
     return [field.strip().strip('"').strip() for field in fields]
 
 

@@ -65,20 +65,16 @@ class Text:
             )
         return text
 
-    def open(self) -> IO[bytes]:
-        """Open the text as bytes."""
-        return self.path.open("rb") if self.in_file else io.BytesIO(self.data)
-
-    def after(self, count: int) -> IO[bytes]:
-        """Open the text as bytes, behind its first `count` lines."""
-        file = self.open()
-        for end in itertools.islice(_LINE_END.finditer(self.data), max(count - 1, 0), count):
+    def open(self, after: int = 0) -> IO[bytes]:
+        """Open the text as bytes, behind its first lines."""
+        file = self.path.open("rb") if self.in_file else io.BytesIO(self.data)
+        for end in itertools.islice(_LINE_END.finditer(self.data), max(after - 1, 0), after):
             file.seek(end.end())
         return file
 
-    def parts(self, count: int) -> Iterator[bytes]:
-        """Yield whole lines behind the first `count`, a megabyte at once."""
-        with self.after(count) as file:
+    def parts(self, after: int) -> Iterator[bytes]:
+        """Yield the lines behind the first ones, a megabyte at once."""
+        with self.open(after) as file:
             while part := file.read(HEAD) + file.readline():
                 yield part
 
