@@ -184,6 +184,7 @@ class _Reader(NamedTuple):
     takes_any: bool = False
 
     @classmethod
+    @functools.cache
     def of(cls, function: Callable[..., Any]) -> "_Reader":
         """Return the reader of a function with its options as keywords."""
         parameters = inspect.signature(function).parameters

@@ -7,7 +7,8 @@ import numpy as np
 
 from ..errors import DataError, brief
 from .files import check_regular
-from .readers.dialect import Dialect, sniff
+from .readers.csv import TextTable
+from .readers.dialect import Dialect
 from .readers.fields import number, split
 from .readers.text import Text
 from .units import si_unit
@@ -29,26 +30,22 @@ def read_table(path: str | Path, columns: Mapping[str, str], *, what: str) -> di
     path = Path(path)
     try:
         check_regular(path)
-        text = Text.of(path)
-        lines = list(text.lines())
+        table = TextTable.of(Text.of(path), Dialect(), path.name)
     except OSError as error:
         raise DataError(f"The file '{path}' cannot be read: {error.strerror}. Check the path.") from error
-    layout = sniff(text.head, Dialect(), path.name)
-    if len(layout.names) < len(columns):
-        raise DataError(
-            f"{path.name} has {len(layout.names)} column(s); {what} needs {len(columns)}: {', '.join(columns)}."
-        )
+    layout, width = table.layout, len(columns)
+    if len(layout.titles) < width:
+        raise DataError(f"{path.name} has {len(layout.titles)} column(s); {what} needs {width}: {', '.join(columns)}.")
     rows = []
-    for i, line in enumerate(lines):
-        if i < layout.first_line or not Dialect().holds_data(line):
-            continue
-        values = [number(field, layout.decimal) for field in split(line, layout.delimiter)[: len(columns)]]
-        if len(values) < len(columns) or any(value is None or not np.isfinite(value) for value in values):
+    for row, line in table.rows():
+        values = [number(field, layout.decimal) for field in split(line, layout.delimiter)[:width]]
+        if len(values) < width or any(value is None or not np.isfinite(value) for value in values):
             raise DataError(
-                f"{path.name}, row {i + 1}: {brief(line.strip())} does not hold {len(columns)} numbers; repair the row."
+                f"{path.name}, row {row}: {brief(line.strip())} does not hold {width} numbers; repair the row."
             )
         rows.append(values)
-    factors = [_factor(path, unit, *column, what) for unit, column in zip(layout.units, columns.items(), strict=False)]
+    titles = zip(layout.titles, columns.items(), strict=False)
+    factors = [_factor(path, title.unit, *column, what) for title, column in titles]
     return dict(zip(columns, (np.array(rows, dtype=np.float64) * factors).T, strict=True))
 
 

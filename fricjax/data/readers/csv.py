@@ -1,13 +1,11 @@
 """Text tables of numbers, separated by commas, tabs, semicolons or blanks."""
 
+import contextlib
 import dataclasses
 import functools
-import io
 import itertools
-import mmap
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import IO, Any
 
 import numpy as np
 
@@ -17,7 +15,7 @@ from ..record import Record
 from .assemble import records_of, with_choice
 from .choice import Choice
 from .dialect import Dialect, Layout, sniff
-from .fields import BLANK, MISSING, NUMBER, WATCH, WORD, kind_of, seconds_of, split
+from .fields import BLANK, MISSING, NUMBER, WATCH, WORD, kind_of, number, seconds_of, split
 from .header import is_time, is_unit
 from .sheet import Column, Sheet
 from .text import Text
@@ -50,26 +48,44 @@ def read_csv(
     """
     dialect = Dialect(delimiter, decimal, comment, skip_rows, header)
     text = Text.of(path, encoding)
-    if choice.takes_all and dialect == Dialect() and text.head[0].startswith(TEXT_MARK):
+    if choice.takes_all and dialect == Dialect() and next(text.lines()).startswith(TEXT_MARK):
         restored = restore_text(path, list(text.lines()))
         if restored is not None:
             return with_choice(restored, choice)
-    table = TextTable(text, dialect, sniff(text.head, dialect, path.name))
-    return records_of(path, "csv", table.sheet(), choice, **vars(dialect), encoding=encoding)
+    sheet = TextTable.of(text, dialect, path.name).sheet()
+    return records_of(path, "csv", sheet, choice, **vars(dialect), encoding=encoding)
 
 
+# Numbers of lines to detect the layout from. The last is enough for the longest preamble and far more rows than needed.
+# A tenth of the lines takes a tenth of the time, and the rows below do not fit a wrong layout.
+_LINES = (8, 80, 1000)
 _FEW = 4  # tables with at most this many columns are read in one pass, before the selection
-# Exceptions of pandas for cells and rows that do not fit.
-_UNREADABLE = (ValueError, TypeError, OverflowError)
 
 
 @dataclasses.dataclass(frozen=True)
 class TextTable:
-    """A table of numbers in a text file with a known layout."""
+    """A table of numbers in a text with a known layout."""
 
     text: Text
     dialect: Dialect
     layout: Layout
+
+    @classmethod
+    def of(cls, text: Text, dialect: Dialect, source: str) -> "TextTable":
+        """Detect the layout of a text.
+
+        A layout from a few lines is right if every field below is a number.
+
+        Raises:
+            DataError: no rows of numbers, or rows of too many fields.
+        """
+        for count in _LINES[:-1]:
+            with contextlib.suppress(DataError):
+                table = cls(text, dialect, sniff(text.first(count), dialect, source))
+                values = table._narrow
+                if len(values) == len(table.layout.titles) and all(np.isfinite(each).all() for each in values.values()):
+                    return table
+        return cls(text, dialect, sniff(text.first(_LINES[-1]), dialect, source))
 
     def sheet(self) -> Sheet:
         """Return the columns of the table.
@@ -79,48 +95,51 @@ class TextTable:
         layout = self.layout
         columns = [self._column(i) for i in range(len(layout.titles))]
         if not self._is_stacked():
-            place = lambda i: f"row {next(itertools.islice(self._numbered_lines(), i, None))[0]}"
+            place = lambda i: f"row {next(itertools.islice(self.rows(), i, None))[0]}"
             return Sheet(columns, self._load, place, layout.rate)
         blocks = self._blocks()
-        runs = range(len(blocks))
-        stacked = [dataclasses.replace(c, run=f"Run {i + 1}", key=(c.key, i)) for i in runs for c in columns]
-
-        def load(wanted: Sequence[Column]) -> list[np.ndarray]:
-            return [self._parsed_lines(blocks[run], [i])[i] for i, run in (column.key for column in wanted)]
-
+        stacked = [
+            dataclasses.replace(column, run=f"Run {i + 1}", key=(i, column.key))
+            for i in range(len(blocks))
+            for column in columns
+        ]
+        load = lambda wanted: [self._checked(blocks[run], [i])[i] for run, i in (column.key for column in wanted)]
         return Sheet(stacked, load, rate=layout.rate)
 
-    def has_rows(self, count: int) -> bool:
-        """Return True if the table has `count` rows of numbers."""
-        rows = (line for line in self.text.head[self.layout.first_line :] if self._is_row(line))
-        return next(itertools.islice(rows, count - 1, None), None) is not None
+    def rows(self) -> Iterator[tuple[int, str]]:
+        """Yield lines of data with their row numbers, counted from 1."""
+        for i, line in enumerate(self.text.lines()):
+            if i >= self.layout.first_line and self.dialect.holds_data(line):
+                yield i + 1, line
+
+    def is_row(self, line: str) -> bool:
+        """Return True if a line has a number in a numeric column."""
+        fields = split(line, self.layout.delimiter)
+        return any(
+            kind in (NUMBER, WATCH) and kind_of(field, self.layout.decimal) == kind
+            for field, kind in zip(fields, self.layout.kinds, strict=False)
+        )
 
     def _column(self, i: int) -> Column:
         layout = self.layout
-        title, kind = layout.titles[i], layout.kinds[i]
-        unit = title.unit or self._unit_beside(i)
-        if kind == WATCH and not is_time(title.name, unit):
+        (name, unit, run), kind, clock = layout.titles[i], layout.kinds[i], layout.kinds[i] == WATCH
+        if unit is None and layout.kinds[i + 1 : i + 2] == [WORD]:
+            # The next column may repeat the unit in each row.
+            word = split(next(self.rows())[1], layout.delimiter)[i + 1]
+            unit = word if is_unit(word) else None
+        if clock and not is_time(name, unit):
             unit = "s"
         fault = {WORD: "holds words", BLANK: "is empty"}.get(kind)
-        clock = kind == WATCH
-        return Column(title.name, unit, title.run, layout.texts[i], None, fault, not layout.texts[i], clock, key=i)
-
-    def _unit_beside(self, i: int) -> str | None:
-        """Return the unit that the next column repeats in each row."""
-        if self.layout.kinds[i + 1 : i + 2] != [WORD]:
-            return None
-        word = split(self.text.head[self.layout.first_line], self.layout.delimiter)[i + 1]
-        return word if is_unit(word) else None
+        return Column(name, unit, run, layout.texts[i], None, fault, not layout.texts[i], clock, key=i)
 
     def _load(self, wanted: Sequence[Column]) -> list[np.ndarray]:
         places = [column.key for column in wanted]
-        narrow = self._narrow
-        values = narrow if set(places) <= set(narrow) else self._read_at_once(places)
-        if not values or not self._is_complete(values[places[0]].size, places):
+        values = self._narrow if set(places) <= set(self._narrow) else self._read_at_once(places)
+        # Pandas does not notice rows with too many fields if some columns are skipped.
+        partly = set(places) != set(range(len(self.layout.titles)))
+        if not values or (partly and self._has_too_long_row(values[places[0]].size)):
             # Comments between the rows, words below them, or an invalid row: read line by line.
-            lines = _trimmed(list(self._numbered_lines()), lambda numbered: self._is_row(numbered[1]))
-            self._check(lines, places)
-            values = self._parsed_lines([line for _, line in lines], places)
+            values = self._checked(self._blocks()[0], places)
         return [values[i] for i in places]
 
     @functools.cached_property
@@ -132,77 +151,82 @@ class TextTable:
         places = [i for i, kind in enumerate(self.layout.kinds) if kind in (NUMBER, WATCH)]
         return self._read_at_once(places) if len(places) <= _FEW else {}
 
-    def _read_at_once(self, places: list[int]) -> dict[int, np.ndarray]:
-        """Read the columns in one pass; empty if a row misfits."""
-        first, text = self.layout.first_line, self.text
-        if any(line.count('"') % 2 for line in text.head[:first]):
-            return {}  # the parser would join the lines after an open quote
-        # Without the handling of gaps and blanks, reading takes two thirds of the time.
-        for gaps in (False, True):
-            try:
-                # Pandas reads faster from a path than from an open file.
-                file = text.path if text.wide is None else io.BytesIO(text.wide)
-                return self._parsed(file, places, skiprows=first, na_filter=gaps, skipinitialspace=gaps)
-            except _UNREADABLE:
-                continue
-        return {}
-
-    def _parsed_lines(self, lines: list[str], places: list[int]) -> dict[int, np.ndarray]:
-        try:
-            return self._parsed(io.BytesIO("\n".join(lines).encode()), places, skipinitialspace=True)
-        except _UNREADABLE as error:
-            raise DataError(
-                f"{self.text.path.name} could not be read as a table: {str(error).strip()[:200]}; give delimiter=, "
-                "decimal= and skip_rows=."
-            ) from error
-
-    def _parsed(self, file: Path | IO[bytes], places: list[int], **how: Any) -> dict[int, np.ndarray]:
-        """Read the columns at `places` as numbers, shape (rows,) each.
+    def _read_at_once(self, places: Sequence[int]) -> dict[int, np.ndarray]:
+        """Read columns in one pass; empty if a row misfits.
 
         Times of day become seconds.
         """
         import pandas as pd
 
-        layout = self.layout
+        layout, text, every = self.layout, self.text, range(len(self.layout.titles))
         clocks = {i for i in places if layout.kinds[i] == WATCH}
         # Pandas refuses names of columns that no row has, such as LabVIEW's comment column without comments.
-        wanted = sorted(set(places)) if self._is_partly(places) else None
-        table = pd.read_csv(
-            file,
-            sep=r"\s+" if layout.delimiter == " " else layout.delimiter,
-            decimal=layout.decimal,
-            thousands=layout.thousands,
-            header=None,
-            names=range(wanted[-1] + 1 if wanted else len(layout.titles)),
-            usecols=wanted,
-            dtype={i: str if i in clocks else np.float64 for i in places},
-            index_col=False,
-            na_values=list(MISSING),
-            encoding_errors="replace",
-            **how,
+        wanted = None if set(places) == set(every) else sorted(set(places))
+        if any(line.count('"') % 2 for line in text.first(layout.first_line)):
+            return {}  # the parser would join the lines after an open quote
+        # Without the handling of gaps and blanks, reading takes two thirds of the time.
+        for gaps in (False, True):
+            # Pandas reads a long text faster from its path, and skips the lines of a short one slower than `open`.
+            file, skipped = (text.path, layout.first_line) if text.in_file else (text.open(layout.first_line), 0)
+            # Pandas raises many kinds of errors for a cell or a row that does not fit.
+            with contextlib.suppress(ValueError, TypeError, OverflowError):
+                table = pd.read_csv(
+                    file,
+                    sep=r"\s+" if layout.delimiter == " " else layout.delimiter,
+                    decimal=layout.decimal,
+                    thousands=layout.thousands,
+                    header=None,
+                    skiprows=skipped,
+                    names=every if wanted is None else range(wanted[-1] + 1),
+                    usecols=wanted,
+                    # One type for all columns takes less time than one for each.
+                    dtype={i: str if i in clocks else np.float64 for i in places} if clocks else np.float64,
+                    index_col=False,
+                    na_filter=gaps,
+                    na_values=list(MISSING) if gaps else None,
+                    skipinitialspace=gaps,
+                    encoding_errors="replace",
+                    low_memory=text.in_file,  # a short text needs no parts
+                )
+                return {i: seconds_of(table[i]) if i in clocks else table[i].to_numpy(np.float64) for i in places}
+        return {}
+
+    def _checked(self, rows: Iterable[tuple[int, str]], places: Sequence[int]) -> dict[int, np.ndarray]:
+        """Read columns line by line; refuse the first row that misfits."""
+        layout, name = self.layout, self.text.path.name
+        cells: list[list[str]] = []
+        for row, line in rows:
+            fields = split(line, layout.delimiter)
+            cells.append([fields[i] if i < len(fields) else "" for i in places])
+            for i, cell in zip(places, cells[-1], strict=True):
+                if kind_of(cell, layout.decimal) not in (layout.kinds[i], BLANK):
+                    raise DataError(
+                        f"{name}, row {row}, column '{layout.titles[i].name}': {brief(cell)} is not a number; repair "
+                        "the cell or leave it empty."
+                    )
+            if line.count('"') % 2:
+                raise DataError(f"{name}, row {row}: a quote is open; repair the row.")
+            if self._is_too_long(fields):
+                raise DataError(
+                    f"{name}, row {row}: {len(fields)} fields, but {len(layout.titles)} were expected; repair the row, "
+                    "or give delimiter= and skip_rows=."
+                )
+        return {
+            i: seconds_of(column)
+            if layout.kinds[i] == WATCH
+            else np.array([number(cell, layout.decimal) for cell in column], dtype=np.float64)
+            for i, column in zip(places, zip(*cells, strict=True), strict=True)
+        }
+
+    def _has_too_long_row(self, rows: int) -> bool:
+        """Return True if one of the rows has more fields than columns."""
+        layout = self.layout
+        parts = self.text.parts(layout.first_line)
+        marks = sum(part.count(layout.delimiter.encode()) for part in parts) if layout.delimiter != " " else None
+        # Splitting each line takes much longer than counting the delimiters.
+        return marks != rows * (len(layout.titles) - 1) and any(
+            self._is_too_long(split(line, layout.delimiter)) for _, line in self.rows()
         )
-        return {i: seconds_of(table[i]) if i in clocks else table[i].to_numpy(dtype=np.float64) for i in places}
-
-    def _is_partly(self, places: list[int]) -> bool:
-        """Return True if some columns are skipped.
-
-        Pandas then does not notice rows with too many fields.
-        """
-        return set(places) != set(range(len(self.layout.titles)))
-
-    def _is_complete(self, rows: int, places: list[int]) -> bool:
-        """Return True if no row has more fields than columns."""
-        layout, most = self.layout, len(self.layout.titles) - 1
-        if not self._is_partly(places):
-            return True
-        if layout.delimiter != " ":
-            mark = layout.delimiter.encode()
-            with self.text.open() as file:
-                file.seek(self.text.starts[layout.first_line])
-                marks = sum(block.count(mark) for block in iter(lambda: file.read(1 << 22), b""))
-            if marks == rows * most:
-                return True
-        return not any(self._is_too_long(split(line, layout.delimiter)) for _, line in self._numbered_lines())
 
     def _is_too_long(self, fields: list[str]) -> bool:
         """Return True if a row has fields that belong to no column.
@@ -217,60 +241,25 @@ class TextTable:
 
     def _is_stacked(self) -> bool:
         """Return True if the line of titles is repeated below the data."""
-        layout, text = self.layout, self.text
-        if layout.title_line is None or self._narrow:
+        if self.layout.title_line is None or self._narrow:
             return False
-        title = layout.title_line.strip().encode(text.encoding.removesuffix("-sig"), "replace")
-        if text.wide is not None:
-            return text.wide.find(title, text.starts[layout.first_line]) >= 0
-        with text.path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-            return data.find(title, text.starts[layout.first_line]) >= 0
+        title = self.layout.title_line.strip().encode(self.text.encoding.removesuffix("-sig"), "replace")
+        return any(title in part for part in self.text.parts(self.layout.first_line))
 
-    def _blocks(self) -> list[list[str]]:
+    def _blocks(self) -> list[list[tuple[int, str]]]:
         """Return the rows below each line of titles.
 
         Other lines before and after the rows are left out.
         """
         title = (self.layout.title_line or "").strip()
-        blocks: list[list[str]] = [[]]
-        for _, line in self._numbered_lines():
-            if line.strip() == title:
+        blocks: list[list[tuple[int, str]]] = [[]]
+        for row in self.rows():
+            if row[1].strip() == title:
                 blocks.append([])
             else:
-                blocks[-1].append(line)
-        return [trimmed for block in blocks if (trimmed := _trimmed(block, self._is_row))]
-
-    def _is_row(self, line: str) -> bool:
-        """Return True if a line has a number in a numeric column."""
-        fields = split(line, self.layout.delimiter)
-        core = [i for i, kind in enumerate(self.layout.kinds) if kind in (NUMBER, WATCH)]
-        return any(i < len(fields) and kind_of(fields[i], self.layout.decimal) == self.layout.kinds[i] for i in core)
-
-    def _numbered_lines(self) -> Iterator[tuple[int, str]]:
-        """Yield lines of data with their row numbers, counted from 1."""
-        for i, line in enumerate(self.text.lines()):
-            if i >= self.layout.first_line and self.dialect.holds_data(line):
-                yield i + 1, line
-
-    def _check(self, lines: list[tuple[int, str]], places: list[int]) -> None:
-        """Refuse the first row that does not fit."""
-        layout, name = self.layout, self.text.path.name
-        for row, line in lines:
-            fields = split(line, layout.delimiter)
-            for i in places:
-                if i < len(fields) and kind_of(fields[i], layout.decimal) not in (layout.kinds[i], BLANK):
-                    raise DataError(
-                        f"{name}, row {row}, column '{layout.names[i]}': {brief(fields[i])} is not a number; repair "
-                        "the cell or leave it empty."
-                    )
-            if self._is_too_long(fields):
-                raise DataError(
-                    f"{name}, row {row}: {len(fields)} fields, but {len(layout.titles)} were expected; repair the row, "
-                    "or give delimiter= and skip_rows=."
-                )
-
-
-def _trimmed[T](items: list[T], holds: Callable[[T], bool]) -> list[T]:
-    """Remove the items at either end for which `holds` is False."""
-    kept = [i for i, item in enumerate(items) if holds(item)]
-    return items[kept[0] : kept[-1] + 1] if kept else []
+                blocks[-1].append(row)
+        for block in blocks:
+            while block and not self.is_row(block[-1][1]):
+                block.pop()
+        trimmed = (list(itertools.dropwhile(lambda row: not self.is_row(row[1]), block)) for block in blocks)
+        return [block for block in trimmed if block]

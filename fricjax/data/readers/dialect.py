@@ -8,7 +8,7 @@ titles.
 
 import dataclasses
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from ...errors import DataError, UsageError, brief
 from .fields import BLANK, NUMBER, WATCH, WORD, kind_of, split, thousands_in
@@ -75,16 +75,6 @@ class Layout:
     thousands: str | None = None
     rate: float | None = None
 
-    @property
-    def names(self) -> list[str]:
-        """Names of the columns, without units."""
-        return [title.name for title in self.titles]
-
-    @property
-    def units(self) -> list[str | None]:
-        """Units of the columns, None if not given."""
-        return [title.unit for title in self.titles]
-
 
 def sniff(lines: Sequence[str], dialect: Dialect, source: str) -> Layout:
     """Detect the layout of a table from the first lines.
@@ -93,20 +83,20 @@ def sniff(lines: Sequence[str], dialect: Dialect, source: str) -> Layout:
         DataError: no rows of numbers, or rows of too many fields.
     """
     skip = dialect.skip_rows or 0
-    content = [i for i in range(skip, len(lines)) if dialect.holds_data(lines[i])]
+    content = [i for i in range(skip, len(lines)) if dialect.holds_data(lines[i])][: 2 * SNIFFED_LINES]
     if not content:
         raise DataError(f"{source} holds no data after {skip} skipped rows; only blank lines or comments.")
-    delimiter, decimal = _separators([lines[i] for i in content[: 2 * SNIFFED_LINES]], dialect, source)
-    rows = {i: split(lines[i], delimiter) for i in content[: 2 * SNIFFED_LINES]}
-    kinds = {i: [kind_of(field, decimal) for field in row] for i, row in rows.items()}
-    width = _width(list(kinds.values()))
+    delimiter, decimal, rows = _separators([lines[i] for i in content], dialect, source)
+    kinds = dict(zip(content, rows, strict=True))
+    pure_rows, mixed_rows = list(filter(_is_pure, rows)), list(filter(_has_number, rows))
+    width = len(_regular(pure_rows if 2 * len(pure_rows) >= len(mixed_rows) else mixed_rows)[0])
     # Some rows may end with a delimiter.
     kinds = {i: row[:width] if set(row[width:]) == {BLANK} else row for i, row in kinds.items()}
     if width > WIDEST:
-        raise DataError(f"{source} has rows of {width} fields, but at most {WIDEST} are read; check the delimiter.")
+        raise DataError(f"{source} has rows of more than {WIDEST} fields; check the delimiter.")
     first, pure, columns = _body(kinds, width)
     # LabVIEW's last title is Comment: only rows with a comment have this field.
-    titled = max((len(kinds[i]) for i in content if i < first and i in kinds and set(kinds[i]) == {WORD}), default=0)
+    titled = max((len(kinds[i]) for i in content if i < first and set(kinds[i]) == {WORD}), default=0)
     if delimiter != " " and width < titled <= width + 3:
         columns += [BLANK] * (titled - width)
         width = titled
@@ -114,7 +104,7 @@ def sniff(lines: Sequence[str], dialect: Dialect, source: str) -> Layout:
     titles = numbered(width)
     if dialect.header is not False:
         titles = titles_of(above, columns, delimiter, dialect.is_comment)
-    marks = (thousands_in(field, decimal) for i, row in rows.items() if i >= first for field in row)
+    fields = (field for i in content if i >= first for field in split(lines[i], delimiter))
     return Layout(
         delimiter,
         decimal,
@@ -123,47 +113,49 @@ def sniff(lines: Sequence[str], dialect: Dialect, source: str) -> Layout:
         titles.texts,
         columns,
         titles.line,
-        next((mark for mark in marks if mark), None),
+        next(filter(None, (thousands_in(field, decimal) for field in fields)), None),
         stated_rate(above),
     )
 
 
-def _separators(lines: list[str], dialect: Dialect, source: str) -> tuple[str, str]:
+def _separators(lines: list[str], dialect: Dialect, source: str) -> tuple[str, str, list[list[str]]]:
     """Find delimiter and decimal mark that give most rows of numbers.
 
     All rows must have the same width. If fewer than half of the lines are such rows, rows that mix numbers with words
-    or times of day count too.
+    or times of day count too. The third result is the kinds of the fields of each line.
     """
     sample = lines[-SNIFFED_LINES:]
     # The tab also stands for a table of one column, which has no delimiter.
     occurring = [mark for mark in DELIMITERS if mark == "\t" or any(mark in line for line in sample)]
     chosen = [] if dialect.delimiter is None else [NAMED.get(dialect.delimiter, dialect.delimiter)]
+    decimals = [mark for mark in (".", ",") if mark == "." or any(mark in line for line in sample)]
     # Between quotes a comma is not a delimiter and may be a decimal mark.
     quoted = any('"' in line for line in sample)
     pairs = [
         (delimiter, decimal)
         for delimiter in chosen or occurring
-        for decimal in ((".", ",") if dialect.decimal is None else (dialect.decimal,))
+        for decimal in (decimals if dialect.decimal is None else [dialect.decimal])
         if delimiter != decimal or quoted
     ]
-    read = {
-        pair: [[kind_of(f, pair[1]) for f in split(line, pair[0])[: WIDEST + 1]] for line in sample] for pair in pairs
-    }
-    pure = {pair: [row for row in rows if _is_pure(row)] for pair, rows in read.items()}
-    best = max(pairs, key=lambda pair: _score(pure[pair]))
-    count = _score(pure[best])[0]
+    kinds = lambda line, pair: [kind_of(field, pair[1]) for field in split(line, pair[0])[: WIDEST + 1]]
+    read = {pair: [kinds(line, pair) for line in sample] for pair in pairs}
+
+    def best(fits: Callable[[list[str]], bool]) -> tuple[tuple[str, str], tuple[int, int, int]]:
+        scores = {pair: _score([row for row in rows if fits(row)]) for pair, rows in read.items()}
+        return max(scores.items(), key=lambda item: item[1])
+
+    pair, (count, *_) = best(_is_pure)
     if count < 0.5 * len(sample):
-        mixed = {pair: [row for row in rows if NUMBER in row] for pair, rows in read.items()}
-        other = max(pairs, key=lambda pair: _score(mixed[pair]))
+        mixed, (more, width, _) = best(_has_number)
         # A single column of words with some number is a text, not a table; so is a single row.
-        if _score(mixed[other])[0] > max(2 * count, 1) and _score(mixed[other])[1] > 1:
-            best, count = other, _score(mixed[other])[0]
+        if more > max(2 * count, 1) and width > 1:
+            pair, count = mixed, more
     if not count:
         raise DataError(
             f"{source} holds no rows of numbers (its first line reads {brief(lines[0].strip())}); check the file, or "
             "give delimiter=, decimal= and skip_rows=."
         )
-    return best
+    return *pair, [*(kinds(line, pair) for line in lines[:-SNIFFED_LINES]), *read[pair]]
 
 
 def _score(rows: list[list[str]]) -> tuple[int, int, int]:
@@ -172,34 +164,24 @@ def _score(rows: list[list[str]]) -> tuple[int, int, int]:
     The count is the number of rows with the commonest width. The width class is 1 for one field and 2 for more. The
     last entry is minus the mean number of words per row.
     """
-    if not rows:
-        return 0, 0, 0
-    width, count = _commonest_width(rows)
-    words = sum(cell == WORD for row in rows if len(row) == width for cell in row)
-    return count, min(width, 2), -words // count
+    rows = _regular(rows)
+    return (len(rows), min(len(rows[0]), 2), -sum(row.count(WORD) for row in rows) // len(rows)) if rows else (0, 0, 0)
 
 
-def _width(rows: list[list[str]]) -> int:
-    """Return the number of fields in most rows with numbers.
+def _regular(rows: list[list[str]]) -> list[list[str]]:
+    """Return the rows of the commonest width; the largest wins a tie."""
+    count = Counter(map(len, rows))
+    width = max(count, key=lambda each: (count[each], each), default=0)
+    return [row for row in rows if len(row) == width]
 
-    Rows without words are preferred.
-    """
-    pure = [row for row in rows if _is_pure(row)]
-    mixed = [row for row in rows if NUMBER in row]
-    return _commonest_width(pure if 2 * len(pure) >= len(mixed) else mixed)[0]
+
+def _has_number(row: list[str]) -> bool:
+    return NUMBER in row
 
 
 def _is_pure(row: list[str]) -> bool:
     """Return True if a row holds only numbers and blanks."""
     return NUMBER in row and WORD not in row and WATCH not in row
-
-
-def _commonest_width(rows: list[list[str]]) -> tuple[int, int]:
-    """Return the commonest number of fields and its number of rows.
-
-    The largest one wins a tie.
-    """
-    return max(Counter(map(len, rows)).items(), key=lambda item: (item[1], item[0]))
 
 
 def _body(rows: dict[int, list[str]], width: int) -> tuple[int, int, list[str]]:

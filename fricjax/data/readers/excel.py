@@ -3,6 +3,7 @@
 import contextlib
 import dataclasses
 import datetime
+import itertools
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,9 +15,9 @@ import openpyxl
 from ...errors import DataError
 from .choice import Choice
 from .csv import TextTable
-from .dialect import Dialect, sniff
+from .dialect import Dialect
 from .sheet import Column, Sheet
-from .text import HEAD, Text
+from .text import Text
 
 # A worksheet with fewer rows of numbers holds settings or remarks.
 _FEWEST = 10
@@ -38,8 +39,9 @@ def open_sheet(
     trouble: DataError | None = None
     for title, text in _worksheets(path).items():
         try:
-            table = TextTable(text, dialect, sniff(text.head, dialect, f"{path.name}, sheet '{title}'"))
-            if table.has_rows(_FEWEST):
+            table = TextTable.of(text, dialect, f"{path.name}, sheet '{title}'")
+            rows = (line for _, line in table.rows() if table.is_row(line))
+            if len(list(itertools.islice(rows, _FEWEST))) == _FEWEST:
                 tables[title] = table
         except DataError as error:
             trouble = error
@@ -72,7 +74,7 @@ def _worksheets(path: Path) -> dict[str, Text]:
         texts = {
             title: "\n".join("\t".join(map(_cell, row)) for row in lines).encode() for title, lines in rows.items()
         }
-    return {title: Text.cut(path, "utf-8", text[:HEAD], text) for title, text in texts.items() if text.strip()}
+    return {title: Text(path, "utf-8", text) for title, text in texts.items() if text.strip()}
 
 
 def _cell(value: Any) -> str:

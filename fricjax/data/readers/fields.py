@@ -5,7 +5,9 @@ from collections.abc import Iterable
 
 import numpy as np
 
-MISSING = ("", "nan", "na", "n/a", "null", "none", "-nan", "1.#qnan", "inf", "-inf", "+inf", "-", "--")
+MISSING = frozenset((
+    "", "nan", "na", "n/a", "null", "none", "-nan", "1.#qnan", "inf", "-inf", "+inf", "-", "--",
+))  # fmt: skip
 NUMBER, BLANK, WATCH, WORD = "number", "blank", "clock", "word"
 # Thousands separators, as in 1,038.4. Decimals must follow, because 1,038 can also have a decimal comma.
 _GROUPED = {
@@ -20,12 +22,10 @@ def split(line: str, delimiter: str) -> list[str]:
 
     A delimiter between quotes does not separate.
     """
-    if delimiter == " ":
-        fields = line.split()
-    elif '"' in line and len(line) < _LONGEST:
+    if '"' in line and delimiter != " " and len(line) < _LONGEST:
         fields = re.split(rf'{re.escape(delimiter)}(?=(?:[^"]*"[^"]*")*[^"]*$)', line)
     else:
-        fields = line.split(delimiter)
+        fields = line.split(None if delimiter == " " else delimiter)
     return [field.strip().strip('"').strip() for field in fields]
 
 
@@ -35,7 +35,8 @@ def number(field: str, decimal: str) -> float | None:
         return float("nan")
     mark = thousands_in(field, decimal)
     text = field if mark is None else field.replace(mark, "")
-    text = text.replace(",", ".") if decimal == "," else text
+    if decimal == ",":
+        text = text.replace(".", "_").replace(",", ".")
     if "_" in text:
         return None
     try:
@@ -68,7 +69,7 @@ _DAY = 86400.0
 
 def is_clock(field: str) -> bool:
     """Return True for a time of day, with or without date."""
-    return len(field) < 40 and CLOCK.fullmatch(field) is not None
+    return ":" in field and len(field) < 40 and CLOCK.fullmatch(field) is not None
 
 
 def seconds_of(fields: Iterable[object]) -> np.ndarray:

@@ -4,6 +4,7 @@ Programs of laboratories put the unit in brackets (`Time [s]`), behind a slash (
 or at the end (`Weg mm`), and the run behind the name (`Position (mm) Run #3`) or in front of it (`Latest: Time (s)`).
 """
 
+import functools
 import re
 from typing import NamedTuple
 
@@ -70,6 +71,7 @@ def split_title(text: str) -> Title:
     return Title(name or text, unit or _COUNTED.get(name.lower()) or _as_title(name), run)
 
 
+@functools.lru_cache
 def measures(unit: str | None) -> str | None:
     """Return the SI unit of a unit, None if unknown.
 

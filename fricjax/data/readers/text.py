@@ -1,8 +1,9 @@
-"""The beginning of a text file: encoding, first lines and offsets."""
+"""The text of a file: its encoding and its lines."""
 
 import codecs
 import dataclasses
 import io
+import itertools
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,7 +13,6 @@ from ...errors import DataError, UsageError
 
 # Enough for the preamble of any instrument and some hundred rows. A longer line does not come from a table.
 HEAD = 1 << 20
-LINES = 1000  # lines to keep: the preamble, and far more rows than the layout detection needs
 _MARKS = (
     (codecs.BOM_UTF8, "utf-8-sig"),
     (codecs.BOM_UTF32_LE, "utf-32"),
@@ -21,70 +21,75 @@ _MARKS = (
     (codecs.BOM_UTF16_BE, "utf-16"),
 )
 _WIDE = 1 << 28  # bytes of a file in UTF-16 or UTF-32 that are turned into UTF-8 in memory
-_LINE_END = re.compile(r"\r\n|\r|\n")
+
+_LINE_END = re.compile(rb"\r\n?|\n")
 
 
 @dataclasses.dataclass(frozen=True)
 class Text:
-    """The beginning of a text file.
+    """The text of a file.
 
     **Fields:**
 
-    - `path`: the file, for messages.
-    - `encoding`: of the text.
-    - `head`: the first thousand complete lines within the first megabyte.
-    - `starts`: offset of each of them [bytes of the stream from `open`].
-    - `wide`: the text as UTF-8 if the file is UTF-16, UTF-32 or a worksheet; else None.
+    - `path`: the file.
+    - `encoding`: of the text; digits are encoded as in ASCII.
+    - `data`: the text, or its first megabyte if the rest stays in the file.
+    - `in_file`: True if the rest stays in the file.
     """
 
     path: Path
     encoding: str
-    head: list[str]
-    starts: list[int]
-    wide: bytes | None = None
+    data: bytes
+    in_file: bool = False
 
     @classmethod
     def of(cls, path: Path, encoding: str | None = None) -> "Text":
-        """Read the beginning of a file.
+        """Read the beginning of a file, or all of a short one.
 
         Raises:
             DataError: a binary file, or a line of more than a megabyte.
             UsageError: an unknown encoding.
         """
         with path.open("rb") as file:
-            data = file.read(HEAD)
+            # The buffer for a megabyte takes more time than a short file.
+            data = file.read(min(path.stat().st_size, HEAD))
         known = _encoding(path, data, encoding)
-        wide = None
+        text = cls(path, known, data, in_file=len(data) == HEAD)
         if "16" in known or "32" in known:
             if path.stat().st_size > _WIDE:
                 raise DataError(f"{path.name} is larger than {_WIDE >> 20} MB in {known}; save it as UTF-8.")
-            wide = path.read_bytes().decode(known, errors="replace").encode()
-            data, known = wide[:HEAD], "utf-8-sig"
-        return cls.cut(path, known, data, wide)
-
-    @classmethod
-    def cut(cls, path: Path, encoding: str, data: bytes, wide: bytes | None) -> "Text":
-        """Create the text from its first megabyte, `data`, cut into lines."""
-        complete = len(data) < HEAD
-        head, starts = [], [0]
-        for match in re.finditer(rb"[^\r\n]*(?:\r\n|\r|\n|$)", data):
-            if len(head) == LINES or match.end() == match.start() or (match.end() == len(data) and not complete):
-                break
-            head.append(match[0].decode(encoding if match.start() == 0 else encoding.removesuffix("-sig"), "replace"))
-            starts.append(match.end())
-        if not head:
+            text = cls(path, "utf-8-sig", path.read_bytes().decode(known, errors="replace").encode())
+        if not text.first(1):
             raise DataError(
                 f"{path.name} begins with a line of more than {HEAD >> 20} MB, which is no table of numbers."
             )
-        return cls(path, encoding, [_LINE_END.sub("", line) for line in head], starts, wide)
+        return text
 
-    def open(self) -> IO[bytes]:
-        """Open the text as bytes, with digits encoded as in ASCII."""
-        return self.path.open("rb") if self.wide is None else io.BytesIO(self.wide)
+    def open(self, after: int = 0) -> IO[bytes]:
+        """Open the text as bytes, behind its first lines."""
+        file = self.path.open("rb") if self.in_file else io.BytesIO(self.data)
+        for end in itertools.islice(_LINE_END.finditer(self.data), max(after - 1, 0), after):
+            file.seek(end.end())
+        return file
+
+    def parts(self, after: int) -> Iterator[bytes]:
+        """Yield the lines behind the first ones, a megabyte at once."""
+        with self.open(after) as file:
+            while part := file.read(HEAD) + file.readline():
+                yield part
 
     def lines(self) -> Iterator[str]:
         """Yield all lines without their line ends."""
-        with io.TextIOWrapper(self.open(), encoding=self.encoding, errors="replace", newline=None) as file:
+        return self._lines_of(self.open())
+
+    def first(self, count: int) -> list[str]:
+        """Return at most `count` lines, all within the first megabyte."""
+        lines = list(itertools.islice(self._lines_of(io.BytesIO(self.data[:HEAD])), count + 1))
+        # The end of the megabyte may cut its last line.
+        return lines[:count] if len(lines) > count or len(self.data) < HEAD else lines[:-1]
+
+    def _lines_of(self, data: IO[bytes]) -> Iterator[str]:
+        with io.TextIOWrapper(data, encoding=self.encoding, errors="replace", newline=None) as file:
             for line in file:
                 yield line.rstrip("\n")
 
