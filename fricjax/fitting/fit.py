@@ -66,7 +66,8 @@ def fit(
             1 for a pull, 0 for a relaxed contact. An offset or drift that is not in the list is zero; other parameters
             keep their start values. Offset and drift are those at the first fitted sample; release times are those of
             the record.
-        engine: "auto", "exact", "hybrid", "smooth" or an engine.
+        engine: "auto", "exact", "hybrid", "smooth" or an engine. For a law without internal states and a start from
+            rest, "auto" takes tables of the forces, which compile nothing.
         start: "first_reversal" skips the transient of the release. It fits time (`t_release`), position (`x0`) and
             offset of the first turning point; for laws with internal states it fits x0, v0 and offset in the middle of
             the half-cycle before it, where these states are known. "release" fits x0 and offset, at rest at the logged
