@@ -1,4 +1,4 @@
-"""Motion at the points of a decay and at the samples between them."""
+"""Motion at the points of a decay and at samples between."""
 
 from typing import Any, NamedTuple
 
