@@ -75,7 +75,8 @@ def make_mesh(
     Args:
         oscillator: the machine, for kinks of its forces and for the coordinate of its spring.
         forces: its tables.
-        turning_points: start and end of each half-cycle [m], of alternating sign, shape (real half-cycles + 1,).
+        turning_points: start and end of each half-cycle [m], of alternating sign, shape (real half-cycles + 1,), such
+            as those of an earlier decay. NaN is left out.
         layout: panels and points; by default those of :func:`choose_layout`.
         half_cycles: number of half-cycles with padding; by default without padding.
         centre: friction force of the reference dead band: that at the onset of sliding, or that at the largest speed,
@@ -96,6 +97,7 @@ def make_mesh(
         (2, 64)
     """
     points = np.asarray(turning_points, dtype=float)
+    points = points[np.isfinite(points)]
     count = points.size - 1
     padded = count if half_cycles is None else half_cycles
     if not 1 <= count <= padded:

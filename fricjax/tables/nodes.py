@@ -16,6 +16,7 @@ class Start(NamedTuple):
         columns: derivative of `x0` by each column of the tables, shape (columns,).
 
     Examples:
+        >>> import numpy as np
         >>> Start(2e-3, np.eye(8)[7]).columns.shape
         (8,)
     """
