@@ -41,7 +41,7 @@ def _pendulum() -> fj.Oscillator:
 
 
 def fixed() -> list[Case]:
-    """Return the 17 machines, and three more.
+    """Return the 17 machines, and four more.
 
     Two forces of the monotone spline are equal. The derivatives by both have a jump there, so those by others are
     compared; "monotone, no tie" compares all.
@@ -79,6 +79,7 @@ def fixed() -> list[Case]:
         *prototype,
         Case("monotone, no tie", _prototype(fr.MonotoneSpline(KNOTS, untied)), 2e-3, table, 13, True),
         Case("structural", structural, 2e-3, ("mu", "eta_h", "stiffness"), 13),
+        Case("structural, ends before the equilibrium", structural, 2.4e-5, ("mu", "eta_h", "stiffness"), 13),
         Case("pendulum, 3.05 rad", _pendulum(), 3.05, base, 8),
     ]
 

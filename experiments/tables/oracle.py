@@ -20,9 +20,9 @@ type Numbers = Mapping[str, np.ndarray]
 type Force = Callable[[Numbers, np.ndarray], np.ndarray]
 STEP = 1e-30
 """Complex step, relative to the value."""
-SLOWEST = 1e-9
-"""Speed below which slopes of the resisting force are secants [m/s]. Much lower speeds last for less time than the
-smallest step of the integrator."""
+SLOWEST = 1e-8
+"""Speed below which slopes of the resisting force are secants, over that of the undamped motion. Much lower speeds last
+for less time than the smallest step of the integrator."""
 
 
 class Truth(NamedTuple):
@@ -123,7 +123,7 @@ class Machine:
         onset: friction force per mass of the set-valued limit as sliding begins.
     """
 
-    def __init__(self, oscillator: Oscillator, names: Sequence[str]) -> None:
+    def __init__(self, oscillator: Oscillator, names: Sequence[str], x0: float) -> None:
         import jax
 
         leaves = [float(leaf) for leaf in jax.tree.leaves(oscillator)]
@@ -137,6 +137,7 @@ class Machine:
         self._spring = type(oscillator.restoring).__name__
         self.kinked = self._spring == "Structural"
         self.period = 2 * np.pi * np.sqrt(values["mass"] / values["stiffness"])
+        self.slowest = SLOWEST * abs(x0) * 2 * np.pi / self.period
         load, mass = float(oscillator.normal_force), float(oscillator.mass)
         self.static = float(oscillator.friction.static_force(np.float64(load))) / mass
         self.onset = (
@@ -153,7 +154,7 @@ class Machine:
         # Row 0 has the complex step in speed and displacement, row 1 none, row 2 no speed; the others have the steps of
         # the coefficients. A power of the speed below one has an infinite slope at zero, so below SLOWEST the
         # slope is that of the secant.
-        size = max(u, SLOWEST)
+        size = max(u, self.slowest)
         us, xs = np.full(len(self.names) + 3, u, complex), np.full(len(self.names) + 3, x, complex)
         us[0], us[2], xs[0] = size * (1 + 1j * STEP), 0.0, x + 1j * STEP
         resisting = p["damping"] * us + p["drag"] * us**2 + sum(law(p, us) for law in self._laws)
@@ -177,7 +178,7 @@ def decay(
 
     Columns are derivatives by each name and by `x0`. A smooth law ends when friction holds the mass but for its creep.
     """
-    machine = Machine(oscillator, names if derivatives else ())
+    machine = Machine(oscillator, names if derivatives else (), x0)
     count = len(machine.names) + 1 if derivatives else 0
     x, columns = np.full(ts.shape, np.nan), np.full((ts.size, count), np.nan)
     y, t, points = np.zeros(2 + 2 * count), 0.0, [x0]
@@ -231,12 +232,14 @@ def _half_cycle(
     def passing(_t: float, state: np.ndarray) -> float:
         return side * state[0]
 
-    def leg(begin: np.ndarray, t: float, event: Callable[[float, np.ndarray], float]) -> tuple[np.ndarray, float]:
+    def leg(begin: np.ndarray, t: float, event: Callable[[float, np.ndarray], float]) -> tuple[np.ndarray, float, bool]:
         event.terminal, event.direction = True, -1  # type: ignore[attr-defined]
         result = solve_ivp(
             rates, (t, t + 1e3 * machine.period), begin, "DOP853", events=[event, reversal], dense_output=True,
             rtol=rtol, atol=atol, max_step=machine.period / 40,
         )  # fmt: skip
+        if result.status != 1:
+            raise RuntimeError(f"SciPy gave up at {result.t[-1]} s: {result.message}")
         end = result.t[-1]
         # The interpolant of the last step is poor for a power law, so integrate its part before the event once more.
         last = solve_ivp(rates, (result.t[-2], end), result.y[:, -2], "DOP853", rtol=rtol, atol=atol)
@@ -244,16 +247,16 @@ def _half_cycle(
         if inside.any():
             values = result.sol(ts[inside])
             x[inside], columns[inside] = values[0], values[2 : 2 + count].T
-        return last.y[:, -1], end
+        return last.y[:, -1], end, bool(result.t_events[1].size)
 
     reversal.terminal, reversal.direction = True, -1  # type: ignore[attr-defined]
-    state, end = y.copy(), t
+    state, end, over = y.copy(), t, False
     state[1] = -side * 1e-2 * atol[1]
-    # Internal friction of the spring has a kink at the equilibrium.
+    # Internal friction of the spring has a kink at the equilibrium. The last half-cycle may end before it.
     if machine.kinked and side * state[0] > 0:
-        state, end = leg(state, t, passing)
-    if abs(state[1]) > abs(atol[1]) or end == t:
-        state, end = leg(state, end, reversal)
+        state, end, over = leg(state, t, passing)
+    if not over:
+        state, end, _ = leg(state, end, reversal)
     # The reversal shifts by -dv/a, and the acceleration jumps there.
     if count:
         state[2 + count :] *= acceleration(state, -side) / acceleration(state, side)

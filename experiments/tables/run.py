@@ -45,6 +45,8 @@ def attempt(
     layout = layout.finer() if finer else layout
     mesh = make_mesh(case.oscillator, forces, points, layout=layout, centre=centre)
     rough = decay(forces, mesh, start, ts, rests, 8)
+    if not np.all(np.isfinite(rough.amplitudes)):
+        return rough, False, np.nan
     mesh, motions = mesh._replace(amplitudes=rough.amplitudes), []
     for check in (False, True):
         mesh = make_mesh(

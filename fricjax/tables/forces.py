@@ -20,6 +20,7 @@ from jaxtyping import Array, Float
 from ..errors import check_choice
 from ..oscillator import Oscillator
 from ..oscillator.oscillator import leaves_of
+from ..oscillator.session import ready
 from .interpreter import evaluate
 
 # Degree of the polynomials. Cells of speed have a constant ratio of their edges except the first one, which starts at
@@ -104,6 +105,7 @@ class Tabulation:
 
     Raises:
         ValueError: the law has internal states, a coefficient does not exist, or there are too few columns.
+        RuntimeError: JAX computes in single precision.
 
     Examples:
         >>> import fricjax as fj
@@ -116,6 +118,7 @@ class Tabulation:
     def __init__(
         self, oscillator: Oscillator, names: Sequence[str], speed: float, travel: float, columns: int | None = None
     ) -> None:
+        ready()
         law = oscillator.friction
         if law.n_states:
             raise ValueError(

@@ -75,7 +75,8 @@ def make_mesh(
     Args:
         oscillator: the machine, for kinks of its forces and for the coordinate of its spring.
         forces: its tables.
-        turning_points: start and end of each half-cycle [m], of alternating sign, shape (real half-cycles + 1,).
+        turning_points: start and end of each half-cycle [m], of alternating sign, shape (real half-cycles + 1,), such
+            as those of an earlier decay. NaN is left out.
         layout: panels and points; by default those of :func:`choose_layout`.
         half_cycles: number of half-cycles with padding; by default without padding.
         centre: friction force of the reference dead band: that at the onset of sliding, or that at the largest speed,
@@ -96,6 +97,7 @@ def make_mesh(
         (2, 64)
     """
     points = np.asarray(turning_points, dtype=float)
+    points = points[np.isfinite(points)]
     count = points.size - 1
     padded = count if half_cycles is None else half_cycles
     if not 1 <= count <= padded:
@@ -103,10 +105,14 @@ def make_mesh(
     layout = layout or choose_layout(oscillator, forces, points)
     frame = make_frame(oscillator, forces, points, centre, layout.grading)
     known, sketch = _sketch(frame, previous)
+    crosses = np.ones(count, bool)
     if oscillator.restoring.hysteretic:
         # Internal friction of the spring has a kink at the equilibrium.
         towards = frame.centre[:, None] + sketch * np.cos(known)
-        frame = frame._replace(middle=_crossings(known, -towards, 0.0, late=False))
+        passing = _crossings(known, -towards, 0.0, late=False)
+        # The last half-cycle may end before the equilibrium.
+        crosses = np.isfinite(passing)
+        frame = frame._replace(middle=np.where(crosses, passing, np.pi / 2))
     speed = frame.omega[:, None] * sketch * np.sin(known)
     edges = _panel_edges(frame, oscillator.friction.kink_speeds, layout.panels, known, speed, SHARES[check])
     integral, ranks = quadrature(layout.panels, layout.points)
@@ -116,7 +122,8 @@ def make_mesh(
     phase, slope = phase_of(frame, np.where(late, 2 - rank, rank), late, SHARES[check])
     sine, cosine = np.sin(phase), np.where(late, -1.0, 1.0) * np.cos(phase)
     weight = slope * width[:, :, None]
-    branch = frame.side[:, None, None] * np.where(late, -1.0, 1.0) * oscillator.restoring.hysteretic
+    beyond = late & crosses[:, None, None]
+    branch = frame.side[:, None, None] * np.where(beyond, -1.0, 1.0) * oscillator.restoring.hysteretic
     sine, cosine, branch, weight = (each.reshape(count, -1) for each in (sine, cosine, branch, weight))
     nodes = np.delete(np.arange(sine.shape[1]), np.arange(1, layout.panels) * layout.points)
     phases = np.where(late, np.pi - phase, phase).reshape(count, -1)

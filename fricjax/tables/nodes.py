@@ -1,4 +1,4 @@
-"""Motion at the points of a decay and at the samples between them."""
+"""Motion at the points of a decay and at samples between."""
 
 from typing import Any, NamedTuple
 
@@ -16,6 +16,7 @@ class Start(NamedTuple):
         columns: derivative of `x0` by each column of the tables, shape (columns,).
 
     Examples:
+        >>> import numpy as np
         >>> Start(2e-3, np.eye(8)[7]).columns.shape
         (8,)
     """
