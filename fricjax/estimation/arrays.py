@@ -1,7 +1,7 @@
 """Array expressions that run under `numpy` and under `jax.numpy`.
 
-A function takes the namespace from its arguments, so the same lines serve compiled programs and the host. On the host
-nothing is compiled.
+A function takes the namespace from its arguments. So the same lines serve compiled programs and the host, which
+compiles nothing.
 """
 
 from collections.abc import Callable
@@ -13,7 +13,7 @@ import numpy as np
 
 
 def namespace(*values: Any) -> Any:
-    """Return `jax.numpy` if one of the values is an array of JAX, else `numpy`."""
+    """Return `jax.numpy` for arrays of JAX, else `numpy`."""
     return jnp if any(isinstance(value, jax.Array) for value in values) else np
 
 
@@ -29,7 +29,7 @@ def while_loop[State](
 
 
 def select(xp: Any, chosen: Any, first: Any, second: Any) -> Any:
-    """Return the first of two equal trees of arrays if `chosen`, else the second."""
+    """Return one of two equal trees, the first if `chosen`."""
     if xp is jnp:
         return jax.tree.map(lambda a, b: jnp.where(chosen, a, b), first, second)
     return first if chosen else second

@@ -84,7 +84,7 @@ def restricted_solve(normal: Array, damping: Systems, free: Bool[Array, "k p"], 
         x, shape (k, p), zero for fixed unknowns.
     """
     xp, unit, p = namespace(normal), units(normal), normal.shape[0]
-    identity = xp.eye(p)
+    identity = xp.identity(p)
     damped = normal / (unit[:, None] * unit) + damping[:, :, None] * identity
     matrix = xp.where(free[:, :, None] & free[:, None, :], damped, identity)
     target = xp.where(free, right / unit, 0.0)

@@ -54,7 +54,7 @@ class _State(NamedTuple):
 
 
 def minimise(solver: "LevenbergMarquardt", y: Any, options: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
-    """Run the solver on the host, without compilation; the objective takes NumPy arrays.
+    """Run the solver on NumPy arrays, without compilation.
 
     Returns:
         The optimum and the statistics, as `optimistix.least_squares` does.

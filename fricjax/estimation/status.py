@@ -51,12 +51,13 @@ def is_determined(normal: Float[Array, "p p"], free: Bool[Array, " p"]) -> Bool[
     The result does not depend on the units of the parameters.
 
     Examples:
-        >>> free = jnp.ones(2, bool)
-        >>> bool(is_determined(jnp.diag(jnp.array([2.0, 1e-9])), free)), bool(is_determined(jnp.ones((2, 2)), free))
+        >>> import numpy as np
+        >>> free = np.ones(2, bool)
+        >>> bool(is_determined(np.diag([2.0, 1e-9]), free)), bool(is_determined(np.ones((2, 2)), free))
         (True, False)
     """
     xp = namespace(normal)
-    unit, identity = units(normal), xp.eye(free.size)
+    unit, identity = units(normal), xp.identity(free.size)
     # Replace rows that are fixed or not finite by rows of the identity; their eigenvalue of one hides no other.
     matrix = xp.where(free[:, None] & free & xp.isfinite(normal), normal / (unit[:, None] * unit), identity)
     below = xp.arange(free.size)[:, None]

@@ -105,7 +105,7 @@ class TracedModel(NamedTuple):
     residual: Residual
 
     def evaluate(self, y: Array, weights: Sequence[Array], loss: AbstractLoss) -> Evaluation:
-        """Return residual, gradient and normal matrix at coordinates `y`, from samples with these weights."""
+        """Return residual, gradient and normal matrix at coordinates `y`."""
         return evaluate(self.residual.with_runs(weight=weights), y, loss)
 
     def derive(self, y: Array) -> Derived:

@@ -272,7 +272,7 @@ def engine_for(request: Request, windows: Sequence[Window]) -> AbstractEngine:
     demands = _demands(windows)
     tuned = engine.tuned(machine, demands)
     by_tables = request.engine == "auto" and demands.from_rest and Tables.refusal(machine) is None
-    return Tables(tuned) if by_tables else tuned
+    return Tables(other=tuned) if by_tables else tuned
 
 
 def _demands(windows: Sequence[Window]) -> Demands:

@@ -7,7 +7,7 @@ lies between the spring forces at the turning points where the mass stopped and 
 
 import dataclasses
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from ..estimation.covariance import quadratic
 from .names import sole_coulomb
 from .noise import whiteness
 from .problem import Problem, with_rests
-from .residual import motion
+from .residual import motion, power
 from .solve import Rival, Solution, checking, evaluate_at, half_cycles, solve
 from .window import NEVER, Window, equilibrium, extremes
 
@@ -293,9 +293,13 @@ def excess_at_reversals(problem: Problem, solution: Solution, run: int) -> float
 
 
 def _pulls(solution: Solution, run: int) -> np.ndarray:
-    """Return the force of the spring at the turning points of a run [N]."""
-    machine, points = solution.derived.machine, np.asarray(solution.evaluation.turning_points[run])
-    return np.abs(np.asarray(machine.restoring_force(points))) - np.asarray(machine.hysteresis(points))
+    """Return the spring force at the turning points of a run [N]."""
+    machine: Any = solution.derived.machine
+    points = np.asarray(solution.evaluation.turning_points[run])
+    # JAX compiles operations for each length, so let there be few.
+    padded = np.concatenate([points, np.full(power(points.size, 16) - points.size, np.nan)])
+    pulls = np.abs(np.asarray(machine.restoring_force(padded))) - np.asarray(machine.hysteresis(padded))
+    return pulls[: points.size]
 
 
 def _starts_moving(problem: Problem, run: int) -> bool:

@@ -137,7 +137,7 @@ def solve_in_stages(
     xp = namespace(y)
     none = xp.asarray(0)
     all_weights = [run.weight for run in residual.runs]
-    model = TracedModel(residual) if xp is jnp else TabulatedModel(residual, y)
+    model: Any = TracedModel(residual) if xp is jnp else TabulatedModel(residual, y)
     if residual.inputs.shape[0]:
         return Iterate(y, none, none, none, model.evaluate(y, all_weights, loss), model.derive(y))
     shortest = xp.min(xp.stack([xp.asarray(part.shortest) for part in stage_weights]))
@@ -164,7 +164,7 @@ def solve_in_stages(
         shorter = state._replace(reach=xp.maximum(state.reach / 2, state.trusted))
         return select(xp, ~sure & (stats["status"] == NOT_FINITE), shorter, onward)
 
-    unseen = EvaluationPasses(model, all_weights, loss, y, []).nothing(y).kept
+    unseen = model.nothing(y, all_weights, loss)
     trusted = xp.where(way.sure, _EVERYTHING, shortest)
     first = _State(y, none, none, none, unseen, xp.asarray(_EVERYTHING), trusted)
     end = while_loop(xp, lambda state: state.reach <= _EVERYTHING, stage, first)
@@ -176,7 +176,7 @@ def solve_on_host(
     stage_weights: tuple[StageWeights, ...],
     limits: Limits,
     loss: AbstractLoss,
-    y: np.ndarray,
+    y: Any,
     way: Schedule,
 ) -> Iterate:
     """Solve by tables of forces on the host, as `solve_in_stages` does.

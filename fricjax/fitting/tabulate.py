@@ -1,12 +1,13 @@
 """Fits by tables of forces, on the host.
 
-Every law without internal states is a table of its forces, so a fit needs no program of its own. NumPy evaluates the
-model, and the solver runs on NumPy arrays as well.
+The forces of a law without internal states are tables, so a fit compiles nothing. NumPy evaluates the model, and the
+solver runs on NumPy arrays as well.
 """
 
+import dataclasses
 import functools
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
@@ -49,8 +50,8 @@ class Tables(AbstractEngine):
         half_period: typical duration of a half-cycle of that run [s].
     """
 
-    name = "tables"
-    needs_mesh = False
+    name: ClassVar[str] = "tables"
+    needs_mesh: ClassVar[bool] = False
     other: AbstractEngine
     checks: bool = eqx.field(static=True, default=False)
     turning_points: Any = None
@@ -62,13 +63,13 @@ class Tables(AbstractEngine):
         return f"{type(law).__name__} has internal states, and tables of forces have none." if law.n_states else None
 
     def tuned(self, oscillator: Oscillator, demands: Demands) -> "Tables":
-        return Tables(self.other.tuned(oscillator, demands))
+        return dataclasses.replace(self, other=self.other.tuned(oscillator, demands))
 
     def finer(self) -> AbstractEngine:
         return self.other.finer()
 
     def checking(self) -> "Tables":
-        return Tables(self.other, True)
+        return dataclasses.replace(self, checks=True)
 
     def of_run(self, window: Window) -> "Tables":
         """Return the engine with the turning points of a record."""
@@ -77,7 +78,7 @@ class Tables(AbstractEngine):
         points = [window.guesses["x0"], *(segmentation.turning_points[later] - equilibrium(segmentation))]
         if segmentation.rest_position is not None:
             points.append(segmentation.rest_position - equilibrium(segmentation))
-        return Tables(self.other, self.checks, np.array(points), segmentation.half_period)
+        return dataclasses.replace(self, turning_points=np.array(points), half_period=segmentation.half_period)
 
     def path(self, oscillator: Oscillator, start: Start, half_cycles: Int[Array, ""] | None = None) -> AbstractPath:
         return self.other.path(oscillator, start, half_cycles)
@@ -100,14 +101,18 @@ class TabulatedModel:
     The half-cycles, their points and the range of the tables belong to the coordinates `y` and stay fixed.
     """
 
-    def __init__(self, residual: Residual, y: np.ndarray) -> None:
+    def __init__(self, residual: Residual, y: Any) -> None:
         self._residual, space = residual, residual.space
+        engine: Any = residual.engine
+        self._checks = engine.checks
         # A method of an equinox module is made at each access.
         self._values, self._slope = space.values, space.slope
         self._places = [space.places(number) for number in range(len(residual.runs))]
-        inputs = residual.inputs[:, : len(jax.tree.leaves(residual.oscillator))]
-        moved = np.flatnonzero(np.any(inputs != 0, axis=0)).tolist()
-        leaves = list(dict.fromkeys([*space.leaves, *(tie.leaf for tie in space.ties), *moved]))
+        shared = [*space.leaves, *(tie.leaf for tie in space.ties)]
+        inputs = np.array(residual.inputs[:, : len(jax.tree.leaves(residual.oscillator))])
+        # The values of the parameters replace these coefficients, so an input does not move them.
+        inputs[:, shared] = 0.0
+        leaves = list(dict.fromkeys([*shared, *np.flatnonzero(np.any(inputs != 0, axis=0)).tolist()]))
         self._leaves = leaves
         # Columns of the tables: the leaves, and the initial displacement.
         to_leaf = np.zeros((len(leaves) + 1, residual.n_parameters))
@@ -128,7 +133,7 @@ class TabulatedModel:
             x0 = float(residual.parameters_of_run(values, number, run)["x0"])
             points = _turning_points(run, x0)
             layout = layout or choose_layout(machine, forces, points)
-            meshed = functools.partial(make_mesh, machine, forces, layout=layout, check=residual.engine.checks)
+            meshed = functools.partial(make_mesh, machine, forces, layout=layout, check=self._checks)
             mesh = meshed(points)
             if int(run.half_cycles) >= NEVER or machine.friction.kink_speeds:
                 first = decay(forces, mesh, self._release(x0), np.asarray(run.t)[-1:], True, _ITERATIONS)
@@ -146,7 +151,7 @@ class TabulatedModel:
         """Number of half-cycles of each run."""
         return [mesh.side.size for mesh in self._meshes]
 
-    def evaluate(self, y: np.ndarray, weights: Sequence[np.ndarray], loss: AbstractLoss) -> Evaluation:
+    def evaluate(self, y: Any, weights: Sequence[Any], loss: AbstractLoss) -> Evaluation:
         """Return residual, gradient and normal matrix at coordinates `y`, from all samples.
 
         Args:
@@ -162,7 +167,7 @@ class TabulatedModel:
             for number, (run, weight) in enumerate(zip(residual.runs, weights, strict=True))
         ]
         priors = (values - residual.prior_mean) * residual.prior_weight
-        by_prior = np.pad(np.diag(slope * residual.prior_weight), ((0, 0), (0, total - slope.size)))
+        by_prior: Any = np.pad(np.diag(slope * residual.prior_weight), ((0, 0), (0, total - slope.size)))
         residuals, passes, points, blocks = zip(*parts, strict=True)
         sums = jax.tree.map(lambda *each: sum(each), gather(priors, by_prior, Squares()), *passes)
         joined = np.concatenate([*residuals, priors])
@@ -170,7 +175,7 @@ class TabulatedModel:
             joined, joined @ joined, sums.cost, sums.gradient, sums.normal, list(passes), list(points), list(blocks)
         )
 
-    def derive(self, y: np.ndarray) -> Derived:
+    def derive(self, y: Any) -> Derived:
         """Return the physical values for coordinates `y`, without compilation."""
         few = self._residual._replace(engine=None, runs=())
         leaves, structure = jax.tree.flatten(few)
@@ -191,7 +196,7 @@ class TabulatedModel:
         """Return the number of no evaluation."""
         return np.asarray(-1)
 
-    def _tables(self, values: np.ndarray) -> Forces:
+    def _tables(self, values: Any) -> Forces:
         """Return the tables at values of the parameters."""
         key = values.tobytes()
         if self._latest[0] != key:
@@ -201,7 +206,7 @@ class TabulatedModel:
 
     def _reach(self, machine: Oscillator) -> tuple[float, float]:
         """Return the largest speed [m/s] and displacement [m] of the tables."""
-        engines = [run.engine for run in self._residual.runs]
+        engines: list[Any] = [run.engine for run in self._residual.runs]
         travel = _RANGE * max(float(np.max(np.abs(engine.turning_points))) for engine in engines)
         speed = travel * np.pi / min(engine.half_period for engine in engines)
         return speed, min(travel, float(machine.restoring.largest))
@@ -214,15 +219,15 @@ class TabulatedModel:
     def _run(
         self,
         forces: Forces,
-        values: np.ndarray,
-        slope: np.ndarray,
+        values: Any,
+        slope: Any,
         number: int,
         run: Run,
-        weight: np.ndarray,
+        weight: Any,
         loss: AbstractLoss,
         total: int,
     ) -> tuple[np.ndarray, Pass, np.ndarray, np.ndarray]:
-        """Return residual, sums, turning points and blocks of one run, as `evaluate` does for other engines."""
+        """Return residual, sums, turning points and blocks of one run."""
         n = run.t.shape[0]
         size, length = -(-n // CHUNK) * CHUNK, block_length(n)
         used = int(np.max(np.flatnonzero(weight > 0), initial=-1)) + 1
@@ -231,7 +236,8 @@ class TabulatedModel:
         at = {**run.fixed, **{name: values[place] for name, place in places.items()}}
         release = self._release(at["x0"])
         r, blocks = np.zeros(size), np.zeros((size // length, len(Block._fields) - 1 + total), np.float32)
-        sums = Pass(np.zeros(()), np.zeros(total), np.zeros((total, total)))
+        none: Any = np.zeros(total)
+        sums = Pass(np.zeros(()), none, np.outer(none, none))  # pyright: ignore[reportArgumentType]
         points = np.zeros(0)
         for begin in range(0, end, _PIECE):
             stop = min(begin + _PIECE, end)
@@ -285,19 +291,26 @@ class TabulatedModel:
         return columns
 
 
-def allowed(residual: Residual, y: np.ndarray) -> list[int]:
-    """Return the numbers of half-cycles that the law allows in the runs that end in motion."""
+def allowed(residual: Residual, y: Any) -> list[int]:
+    """Return the numbers of half-cycles that the law allows.
+
+    The list is empty if all runs end in a stop.
+    """
     if all(int(run.half_cycles) < NEVER for run in residual.runs):
         return []
     return TabulatedModel(residual, y).half_cycles
 
 
 def _turning_points(run: Run, x0: float) -> np.ndarray:
-    """Return the turning points of a run; those beyond the record continue its decay."""
-    known, stops = np.asarray(run.engine.turning_points), int(run.half_cycles) < NEVER
+    """Return the turning points of a run.
+
+    Those beyond the record continue its decay.
+    """
+    engine: Any = run.engine
+    known, stops = np.asarray(engine.turning_points), int(run.half_cycles) < NEVER
     count = 1 + int(run.half_cycles)
     if not stops:
-        count = 1 + int(np.ceil(_MORE * float(np.max(run.t)) / float(run.engine.half_period))) + _ADDED
+        count = 1 + int(np.ceil(_MORE * float(np.max(run.t)) / float(engine.half_period))) + _ADDED
     swings = np.abs(known)
     while swings.size < count:
         ratio = swings[-1] / swings[-2] if swings.size > 1 and 0 < swings[-1] < swings[-2] else 0.9
@@ -311,7 +324,7 @@ def _turning_points(run: Run, x0: float) -> np.ndarray:
 
 
 def _summed(
-    left: np.ndarray, slopes: np.ndarray, seen: np.ndarray, weight: np.ndarray, loss: AbstractLoss, length: int
+    left: Any, slopes: Any, seen: np.ndarray, weight: np.ndarray, loss: AbstractLoss, length: int
 ) -> tuple[np.ndarray, Pass]:
     """Return the sums of samples over blocks, and over all of them."""
     _, share, curvature = loss.parts(left)

@@ -98,7 +98,9 @@ def test_numpy_and_jax_agree():
     forces, mesh, start = coulomb()
     host, compiled = (run(forces, mesh, start, TS, True) for run in (decay, solve))
     # NumPy stops the iterations at rounding error, so the last correction differs.
-    host, compiled = (each._replace(quality=each.quality._replace(correction=0.0)) for each in (host, compiled))
+    host, compiled = (
+        each._replace(quality=each.quality._replace(correction=np.zeros(()))) for each in (host, compiled)
+    )
     for mine, theirs in zip(jax.tree.leaves(host), jax.tree.leaves(compiled), strict=True):
         np.testing.assert_allclose(mine, theirs, rtol=1e-9, atol=1e-13 * np.max(np.abs(mine[np.isfinite(mine)])))
 
