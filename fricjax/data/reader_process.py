@@ -27,7 +27,7 @@ from ..errors import DataError, UsageError, quoted
 from .files import NUMBER, allowance, gigabytes, library
 from .native import damaged
 from .readers.choice import Choice
-from .readers.samples import Samples, samples_of
+from .readers.choose import Samples, samples_of
 from .readers.sheet import SINGLE, Column
 
 # Data memory of the child with all libraries loaded; 154 MB were measured. With four times the smallest allowance (the

@@ -14,8 +14,8 @@ from ...errors import DataError, quoted
 from ..record import Record, Step
 from ..units import DISPLACEMENT, TIME
 from .choice import Choice
+from .choose import Samples, samples_of
 from .header import rate_of_change, scale_of
-from .samples import Samples, samples_of
 from .sheet import Column, Sheet
 
 if TYPE_CHECKING:

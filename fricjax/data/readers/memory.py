@@ -16,7 +16,7 @@ from ..record import Record
 from ..trace import Trace
 from .assemble import assemble, records_of, with_choice
 from .choice import Choice
-from .samples import Samples
+from .choose import Samples
 from .sheet import Column, Sheet
 from .tables import Cells, column_of, floats_of, header_of, is_vector, table_columns
 
