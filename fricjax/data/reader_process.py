@@ -76,12 +76,6 @@ class Content(NamedTuple):
 def read_content(path: Path, file_format: Format, choice: Choice, options: dict[str, Any]) -> Content:
     """Read a file in the reading process of this thread.
 
-    Args:
-        path: the file.
-        file_format: its format.
-        choice: the common options.
-        options: the options of the format.
-
     Raises:
         DataError: a damaged file, one that exceeds the limits, or one without the chosen columns.
         UsageError: an option that does not fit, or the library of the format is not installed.

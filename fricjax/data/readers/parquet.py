@@ -93,7 +93,7 @@ def _numbers(column: Any) -> np.ndarray:
 
 
 def _spans(path: Path, file: Any, name: str) -> dict[str, slice]:
-    """Return the rows of each run by its label; runs must be contiguous."""
+    """Return the contiguous rows of each run by its label."""
     labels = file.read([name]).column(name).combine_chunks().dictionary_encode()
     codes = labels.indices.to_numpy(zero_copy_only=False)
     if codes.size == 0 or labels.null_count:
