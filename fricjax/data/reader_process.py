@@ -33,9 +33,9 @@ from .readers.sheet import SINGLE, Column
 # Data memory of the child with all libraries loaded; 154 MB were measured. With four times the smallest allowance (the
 # numbers as stored, as float64, and unpacking buffers) a small file stays below 1 GB.
 _LIBRARIES, _COPIES = 1 << 28, 4
-# Processor time. openpyxl is the slowest library and takes 1 s for a MB; slower machines get five times as much.
+# Processor time. openpyxl is the slowest library and takes 1 s for a MB; a slower machine gets 2.5 times as much.
 # The limit does not grow beyond the size that a workbook of a million rows has.
-_SECONDS, _SECONDS_PER_BYTE, _LARGEST = 3, 5e-6, 10**8
+_SECONDS, _SECONDS_PER_BYTE, _LARGEST = 3, 2.5e-6, 10**8
 # Waiting time per processor time, for machines with many busy processes.
 _BUSY = 10
 _ERRORS = {"DataError": DataError, "UsageError": UsageError}
