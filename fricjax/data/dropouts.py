@@ -36,12 +36,7 @@ class Dropout(NamedTuple):
 
 
 def dropouts(t: np.ndarray, x: np.ndarray) -> list[Dropout]:
-    """Find the dropouts of a record.
-
-    Args:
-        t: times [s], shape `(n,)`.
-        x: displacements, shape `(n,)`.
-    """
+    """Find the dropouts among displacements and times [s], shape `(n,)`."""
     edges = np.flatnonzero(np.diff(x, prepend=np.nan, append=np.nan) != 0.0)
     runs = [(int(a), int(b)) for a, b in itertools.pairwise(edges) if b - a >= _FEWEST]
     if not runs:

@@ -98,11 +98,7 @@ def allowance(path: Path) -> int:
 
 
 def library(path: Path, module: str, extra: str) -> Any:
-    """Import the module that reads a format, from an optional dependency.
-
-    Raises:
-        UsageError: it is not installed; the message shows how to install it.
-    """
+    """Import the module that reads a format, from an optional dependency."""
     return needed(path.name, module, extra, "or export the run as .csv")
 
 
@@ -192,11 +188,7 @@ def read_toml(
 
 @contextmanager
 def naming(path: str | Path) -> Iterator[None]:
-    """Add the name of a file to errors about its values.
-
-    Raises:
-        UsageError: any `UsageError` of the block, with the name in front.
-    """
+    """Add the name of a file to errors about its values."""
     try:
         yield
     except UsageError as error:

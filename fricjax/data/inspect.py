@@ -171,11 +171,7 @@ def _rows(inspection: Inspection) -> list[tuple[str, str]]:
 def implausible_scale(segmentation: Segmentation, interval: float, *, angular: bool, where: str = "") -> Iterator[str]:
     """Yield a warning for each implausible scale of a record.
 
-    Args:
-        segmentation: segmentation of the record.
-        interval: time between samples [s].
-        angular: True if the displacement is an angle.
-        where: the record, for the message: " of run 2".
+    `interval` is the time between samples [s]; `angular` is True for an angle; `where` names the record: " of run 2".
     """
     amplitude, omega = segmentation.amplitude, math.pi / segmentation.half_period
     if angular:

@@ -37,11 +37,7 @@ def encode(record: Record) -> tuple[dict[str, np.ndarray], dict[str, str]]:
 
 
 def decode(arrays: dict[str, np.ndarray], texts: dict[str, str], source: str) -> Record:
-    """Restore a record from the parts that `encode` returned.
-
-    Raises:
-        DataError: a part is missing or invalid.
-    """
+    """Restore a record from the parts that `encode` returned."""
     for name in ("t", "x", "mask"):
         if name not in arrays:
             raise damaged(source, f"'{name}' is missing")

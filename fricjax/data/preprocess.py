@@ -87,17 +87,13 @@ def convert_unit(record: Record, unit: str, time_unit: str | None = None) -> Rec
     time_scale = 1.0 if time_unit is None else factor(time_unit, TIME, "the time")[0]
     sigma = None if trace.sigma is None else np.asarray(trace.sigma) * scale
     converted = Trace(np.asarray(trace.t) * time_scale, np.asarray(trace.x) * scale, sigma, trace.mask)
-    times = {key: _scaled(value, time_scale) for key, value in record.meta.items() if key.endswith("_time")}
-    places = {key: _scaled(value, scale) for key, value in record.meta.items() if key == "rest_position"}
+    scales = {"rest_position": scale, **{key: time_scale for key in record.meta if key.endswith("_time")}}
+    moved = {key: each * scales[key] for key, each in record.meta.items() if key in scales and each is not None}
     step = Step(
         "convert_unit", {"unit": unit, "time_unit": time_unit}, f"x multiplied by {scale:g}, t by {time_scale:g}"
     )
     units = {"t": time_unit or "s", "x": unit}
-    return record.with_step(step, trace=converted, quantity=quantity, units=units, warnings=[], **times, **places)
-
-
-def _scaled(value: float | None, scale: float) -> float | None:
-    return None if value is None else value * scale
+    return record.with_step(step, trace=converted, quantity=quantity, units=units, warnings=[], **moved)
 
 
 def flip_sign(record: Record) -> Record:

@@ -157,11 +157,7 @@ def _content(source: Any, options: dict[str, Any]) -> Any:
 def check(path: Path, options: Collection[str] = ()) -> None:
     """Refuse an unusable path or option before large imports.
 
-    This makes the checks of `read` that do not need the content of the file.
-
-    Args:
-        path: the file.
-        options: names of the options to use.
+    This makes the checks of `read` that do not need the content of the file. `options` are the names of those to use.
 
     Raises:
         DataError: the file is missing, empty or of an unknown format.
@@ -193,11 +189,7 @@ class _Reader(NamedTuple):
         return cls(function, tuple(options), "choice" in parameters, takes_any)
 
     def check(self, kind: str, options: Collection[str]) -> None:
-        """Refuse unknown options; messages name the `kind` of source.
-
-        Raises:
-            UsageError: an unknown option; the message offers the nearest.
-        """
+        """Refuse unknown options; messages name the `kind` of source."""
         common = _COMMON if self.takes_choice else ()
         known = [f"{name}=" for name in (*common, *self.options, *_AFTER)]
         for name in () if self.takes_any else options:

@@ -27,15 +27,15 @@ from ..errors import DataError, UsageError, quoted
 from .files import NUMBER, allowance, gigabytes, library
 from .native import damaged
 from .readers.choice import Choice
-from .readers.samples import Samples, samples_of
+from .readers.choose import Samples, samples_of
 from .readers.sheet import SINGLE, Column
 
 # Data memory of the child with all libraries loaded; 154 MB were measured. With four times the smallest allowance (the
 # numbers as stored, as float64, and unpacking buffers) a small file stays below 1 GB.
 _LIBRARIES, _COPIES = 1 << 28, 4
-# Processor time. openpyxl is the slowest library and takes 1 s for a MB; slower machines get five times as much.
+# Processor time. openpyxl is the slowest library and takes 1 s for a MB; a slower machine gets 2.5 times as much.
 # The limit does not grow beyond the size that a workbook of a million rows has.
-_SECONDS, _SECONDS_PER_BYTE, _LARGEST = 3, 5e-6, 10**8
+_SECONDS, _SECONDS_PER_BYTE, _LARGEST = 3, 2.5e-6, 10**8
 # Waiting time per processor time, for machines with many busy processes.
 _BUSY = 10
 _ERRORS = {"DataError": DataError, "UsageError": UsageError}
@@ -75,12 +75,6 @@ class Content(NamedTuple):
 
 def read_content(path: Path, file_format: Format, choice: Choice, options: dict[str, Any]) -> Content:
     """Read a file in the reading process of this thread.
-
-    Args:
-        path: the file.
-        file_format: its format.
-        choice: the common options.
-        options: the options of the format.
 
     Raises:
         DataError: a damaged file, one that exceeds the limits, or one without the chosen columns.

@@ -15,11 +15,7 @@ _MANY_REVERSALS = 60
 def record_figure(trace: Any, quantity: str, segmentation: Segmentation | None, title: str) -> Any:
     """Plot a trace with its segmentation and the spectrum of its rest.
 
-    Args:
-        trace: the `Trace`.
-        quantity: unit of its displacement, "m" or "rad".
-        segmentation: its segmentation; None: plot only the trace.
-        title: title of the figure.
+    `quantity` is the unit of its displacement, "m" or "rad". Without a segmentation only the trace is drawn.
     """
     t, x, used = (np.asarray(values) for values in (trace.t, trace.x, trace.mask))
     factor, unit = display_unit(float(np.max(np.abs(x), where=used, initial=0.0)), quantity)

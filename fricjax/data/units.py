@@ -189,11 +189,7 @@ def factor(unit: str, quantities: tuple[str, ...], subject: str) -> tuple[float,
 
 
 def check_rate(rate: Any) -> None:
-    """Refuse an invalid sample rate.
-
-    Raises:
-        UsageError: it is not a number, not positive or not finite.
-    """
+    """Refuse a sample rate that is not a positive, finite number."""
     try:
         usable = 0 < float(rate) < math.inf
     except (TypeError, ValueError):

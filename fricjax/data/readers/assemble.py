@@ -14,8 +14,8 @@ from ...errors import DataError, quoted
 from ..record import Record, Step
 from ..units import DISPLACEMENT, TIME
 from .choice import Choice
+from .choose import Samples, samples_of
 from .header import rate_of_change, scale_of
-from .samples import Samples, samples_of
 from .sheet import Column, Sheet
 
 if TYPE_CHECKING:
@@ -33,7 +33,8 @@ def records_of(path: Path, kind: str, sheet: Sheet, choice: Choice, **of_format:
         of_format: the other options, for the log.
 
     Raises:
-        DataError: see `samples_of` and `assemble`.
+        DataError: see `samples_of`; also too few samples, a missing or non-increasing time, or a unit that does not
+            fit.
     """
     return assemble_all(path, kind, samples_of(sheet, choice, path.name), choice, **of_format)
 
@@ -41,26 +42,15 @@ def records_of(path: Path, kind: str, sheet: Sheet, choice: Choice, **of_format:
 def assemble_all(
     path: Path, kind: str, runs: Sequence[Samples], choice: Choice, **of_format: Any
 ) -> Record | list[Record]:
-    """Return the record, or a list for `run="all"`.
-
-    Arguments and errors are as in `assemble`.
-    """
+    """Return the record, or a list for `run="all"`."""
     records = [assemble(path, kind, samples, choice, **of_format) for samples in runs]
     return records if choice.all_runs else records[0]
 
 
 def assemble(path: Path, kind: str, samples: Samples, choice: Choice, **of_format: Any) -> Record:
-    """Build the record of a run.
+    """Build the record of a run; arguments as in `records_of`.
 
-    Args:
-        path: the file, for messages and `meta`.
-        kind: the format, for `meta`.
-        samples: numbers from the reader.
-        choice: the common options; units there replace those of the file.
-        of_format: the other options, for the log.
-
-    Raises:
-        DataError: too few samples, a missing or non-increasing time, or a unit that does not fit.
+    Units in the options replace those of the file.
     """
     from ..trace import MINIMUM_SAMPLES, Trace
 
@@ -195,8 +185,7 @@ def _check_times(where: str, t: np.ndarray, place: Callable[[int], str]) -> None
 
 
 def _effect(trace: "Trace", samples: Samples, unit: str | None, quantity: str, choice: Choice) -> str:
-    parts = [f"{trace.n} samples of '{samples.x.name}'"]
-    parts.append(f"in {unit}" if unit else "no unit found or given, taken as m")
+    parts = [f"{trace.n} samples of '{samples.x.name}'", f"in {unit}" if unit else "no unit found or given, taken as m"]
     if unit not in (None, quantity):
         parts.append(f"converted to {quantity}")
     if choice.rate is not None:

@@ -1,7 +1,10 @@
-"""Selection of displacement and time columns by name, number, run or convention."""
+"""Selection of displacement and time columns by name, number, run or convention.
+
+The numbers of the chosen columns are loaded here, but not converted.
+"""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -25,44 +28,66 @@ _COUNTERS = frozenset((
     "k", "frame", "step", "#", "",
 ))  # fmt: skip
 _LISTED = 20  # largest number of runs in a table of runs
+# Scatter about a circle, relative to that about a straight line, below which two coordinates lie on a circle.
+_ON_CIRCLE = 0.2
 _NUMBERED = re.compile(r"(?P<base>.*?[^\d_ ])[_ ]?(?P<number>\d{1,4})")
 
 
-class Pair(NamedTuple):
-    """The columns of one record; `time` is None with a rate."""
+class Samples(NamedTuple):
+    """The numbers of one run, before the conversion of units.
+
+    `time` and `times` are None if a rate is given; `place(i)` describes the position of sample `i` in the file
+    ("row 17"). `rate` is the sample rate in the file [Hz] if there are no times. `others` are the names of other
+    columns that may be displacements.
+    """
 
     x: Column
+    values: np.ndarray
     time: Column | None
+    times: np.ndarray | None
+    place: Callable[[int], str]
+    rate: float | None = None
+    others: tuple[str, ...] = ()
 
 
-def choose(sheet: Sheet, choice: Choice, source: str) -> list[Pair]:
-    """Select displacement and time, one pair for each run.
+def samples_of(sheet: Sheet, choice: Choice, source: str) -> list[Samples]:
+    """Select displacement and times of each run and load their numbers.
 
-    Args:
-        sheet: the columns of the file.
-        choice: the options `run`, `column`, `time` and `rate`.
-        source: the file, for messages.
+    Messages refer to the file as `source`.
 
     Raises:
-        DataError: no numbers, an unknown column or run, several runs without a choice, or several columns that could be
-            the displacement.
+        DataError: no numbers, an unknown column or run, several runs without a choice, several columns that could be
+            the displacement, or the coordinates of a filmed pendulum.
     """
     if sheet.of and not any(column.fault is None for column in sheet.columns):
         raise DataError(f"{source} holds no {sheet.of} of numbers that could be a record.")
-    sheet = _with_numbered_runs(sheet)
-    runs: list[str | None] = list(sheet.runs)
+    by_run = _with_numbered_runs(sheet)
+    runs: list[str | None] = list(by_run.runs)
     if choice.run is not None and not runs and not choice.all_runs:
         raise DataError(f"{source} holds one run only, but run={choice.run!r} was given; leave run= out.")
     if choice.run is None and len(runs) > 1:
-        if choice.column is None or len(_matches(choice.column, sheet.columns)) > 1:
-            raise DataError(_question(sheet, choice, source))
-        runs = [locate(choice.column, sheet.columns, source, "column").run]
+        if choice.column is None or len(_matches(choice.column, by_run.columns)) > 1:
+            raise DataError(_question(by_run, choice, source))
+        runs = [_locate(choice.column, by_run.columns, source, "column").run]
     elif choice.run is not None and not choice.all_runs:
-        runs = [_run(choice.run, sheet.runs, source)]
-    return [_pair(sheet, run, choice, source) for run in runs or [None]]
+        runs = [_run(choice.run, by_run.runs, source)]
+    pairs = [_pair(by_run, run, choice, source) for run in runs or [None]]
+    if choice.column is None:
+        for x, _ in pairs:
+            _check_circle(sheet, x, source)
+    wanted = list(dict.fromkeys(column for pair in pairs for column in pair if column is not None))
+    loaded = (np.asarray(numbers, dtype=np.float64).ravel() for numbers in sheet.load(wanted))
+    values = dict(zip(wanted, loaded, strict=True))
+    samples = []
+    for x, time in pairs:
+        others = () if choice.column is not None else tuple(column.name for column in _rivals(sheet, x))
+        rate = _stated_rate(sheet) if time is None else None
+        times = None if time is None else values[time]
+        samples.append(Samples(x, values[x], time, times, sheet.place, rate, others))
+    return samples
 
 
-def stated_rate(sheet: Sheet) -> float | None:
+def _stated_rate(sheet: Sheet) -> float | None:
     """Return the sample rate in the file [Hz], None if unknown."""
     single = [column for column in sheet.columns if column.fault == SINGLE and names_rate(column.name)]
     if sheet.rate is not None or not single:
@@ -71,7 +96,7 @@ def stated_rate(sheet: Sheet) -> float | None:
     return rate if np.isfinite(rate) and rate > 0 else None
 
 
-def rivals(sheet: Sheet, x: Column) -> list[Column]:
+def _rivals(sheet: Sheet, x: Column) -> list[Column]:
     """Return the other columns of the run that may be displacements."""
     return [
         column
@@ -80,13 +105,33 @@ def rivals(sheet: Sheet, x: Column) -> list[Column]:
     ]
 
 
-def locate(wanted: str | int, columns: Sequence[Column], source: str, option: str) -> Column:
-    """Find a column by name or number.
+def _check_circle(sheet: Sheet, x: Column, source: str) -> None:
+    """Refuse coordinates on a circle, as of a filmed pendulum."""
+    across = [c for c in sheet.columns if c.name.lower() == "y" and c.run == x.run and c.fault is None]
+    if x.name.lower() != "x" or not across:
+        return
+    first, second = (np.asarray(each, dtype=np.float64).ravel() for each in sheet.load([x, across[0]]))
+    used = np.isfinite(first) & np.isfinite(second) if first.size == second.size else np.zeros(0, bool)
+    if np.count_nonzero(used) < 10 or np.ptp(first[used]) == 0 or np.ptp(second[used]) == 0:
+        return
+    x0, y0 = first[used] - first[used].mean(), second[used] - second[used].mean()
+    # Circle by linear least squares (Kasa, 1976): x^2 + y^2 = 2 a x + 2 b y + c.
+    basis = np.stack([x0, y0, np.ones(x0.size)], axis=1)
+    (a, b, c), *_ = np.linalg.lstsq(basis, x0**2 + y0**2)
+    radius = float(np.sqrt(c + (a**2 + b**2) / 4))
+    off = np.std(np.hypot(x0 - a / 2, y0 - b / 2) - radius)
+    straight = np.std(y0 - x0 * (x0 @ y0) / (x0 @ x0))
+    # A mass on a spring moves on a straight line, which a circle of any size fits no better.
+    if np.isfinite(radius) and off < _ON_CIRCLE * straight:
+        raise DataError(
+            f"'x' and 'y' of {source} lie on a circle of radius {radius:.4g}, as of a filmed pendulum. "
+            "x = L sin(theta) is no displacement that fricjax can fit: convert it to the angle, or give column='x' to "
+            "fit it as it is."
+        )
 
-    Raises:
-        DataError: an unknown or ambiguous column; the message offers the nearest name.
-        UsageError: `wanted` is neither a text nor an integer.
-    """
+
+def _locate(wanted: str | int, columns: Sequence[Column], source: str, option: str) -> Column:
+    """Find a column by name or number."""
     if isinstance(wanted, bool) or not isinstance(wanted, (str, int)):
         raise UsageError(f"{option}= must be a name or an index of a column, but it is {wanted!r}.")
     matches = _matches(wanted, columns)
@@ -186,7 +231,7 @@ def _question(sheet: Sheet, choice: Choice, source: str) -> str:
     return f"{source} holds {len(sheet.runs)} runs; choose one with run={first[0]}, or run='all'.\n{table}{more}"
 
 
-def _pair(sheet: Sheet, run: str | None, choice: Choice, source: str) -> Pair:
+def _pair(sheet: Sheet, run: str | None, choice: Choice, source: str) -> tuple[Column, Column | None]:
     """Select displacement and time of a run.
 
     Columns without a run are shared by all runs.
@@ -195,7 +240,7 @@ def _pair(sheet: Sheet, run: str | None, choice: Choice, source: str) -> Pair:
 
     def named(wanted: str | int, option: str) -> Column:
         # A number counts the columns of the file, whichever run they belong to.
-        return locate(wanted, sheet.columns if _is_number(wanted) else columns, source, option)
+        return _locate(wanted, sheet.columns if _is_number(wanted) else columns, source, option)
 
     named_time = None if choice.time is None else named(choice.time, "time")
     if choice.column is not None:
@@ -204,12 +249,12 @@ def _pair(sheet: Sheet, run: str | None, choice: Choice, source: str) -> Pair:
         x = _displacement([column for column in columns if column is not named_time], choice, source)
     if x.fault is not None:
         raise DataError(f"'{x.shown}' in {source} {x.fault}, so it is no displacement; name another with column=.")
-    time = None if choice.rate is not None else named_time or x.time or _time(columns, x, source, stated_rate(sheet))
+    time = None if choice.rate is not None else named_time or x.time or _time(columns, x, source, _stated_rate(sheet))
     if time is not None and time.fault is not None:
         raise DataError(
             f"'{time.shown}' in {source} {time.fault}, so it is no time; name another with time=, or give rate=."
         )
-    return Pair(x, time)
+    return x, time
 
 
 def _time(columns: Sequence[Column], x: Column, source: str, rate: float | None) -> Column | None:

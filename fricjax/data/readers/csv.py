@@ -42,9 +42,6 @@ def read_csv(
     - `skip_rows`: rows to skip at the top.
     - `header`: False if the row before the data holds no titles.
     - `encoding`: of the text; by default by byte order mark, else UTF-8, else Latin-1.
-
-    Raises:
-        DataError: no table of numbers, an unknown column or run, or a cell that is not a number (with its row).
     """
     dialect = Dialect(delimiter, decimal, comment, skip_rows, header)
     text = Text.of(path, encoding)
@@ -75,9 +72,6 @@ class TextTable:
         """Detect the layout of a text.
 
         A layout from a few lines is right if every field below is a number.
-
-        Raises:
-            DataError: no rows of numbers, or rows of too many fields.
         """
         for count in _LINES[:-1]:
             with contextlib.suppress(DataError):

@@ -77,11 +77,7 @@ class Layout:
 
 
 def sniff(lines: Sequence[str], dialect: Dialect, source: str) -> Layout:
-    """Detect the layout of a table from the first lines.
-
-    Raises:
-        DataError: no rows of numbers, or rows of too many fields.
-    """
+    """Detect the layout of a table from the first lines."""
     skip = dialect.skip_rows or 0
     content = [i for i in range(skip, len(lines)) if dialect.holds_data(lines[i])][: 2 * SNIFFED_LINES]
     if not content:

@@ -4,19 +4,18 @@ import contextlib
 import dataclasses
 import datetime
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import openpyxl
 
 from ...errors import DataError
 from .choice import Choice
 from .csv import TextTable
 from .dialect import Dialect
-from .sheet import Column, Sheet
+from .sheet import Sheet
 from .text import Text
 
 # A worksheet with fewer rows of numbers holds settings or remarks.
@@ -30,9 +29,6 @@ def open_sheet(
     """Open an `.xlsx` file, with stored formula values.
 
     Options as for text. Each of several worksheets with numbers is a run.
-
-    Raises:
-        DataError: no worksheet with a table of numbers.
     """
     dialect = Dialect("tab", ".", comment="\0", skip_rows=skip_rows, header=header)
     tables: dict[str, TextTable] = {}
@@ -59,10 +55,7 @@ def _joined(sheets: dict[str, Sheet]) -> Sheet:
         for title, sheet in sheets.items()
         for column in sheet.columns
     ]
-
-    def load(wanted: Sequence[Column]) -> list[np.ndarray]:
-        return [sheets[title].load([column])[0] for title, column in (each.key for each in wanted)]
-
+    load = lambda wanted: [sheets[title].load([column])[0] for title, column in (each.key for each in wanted)]
     return Sheet(columns, load)
 
 

@@ -2,7 +2,7 @@
 
 import dataclasses
 import functools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -46,13 +46,11 @@ def _sheet(path: Path, nodes: dict[str, Any]) -> Sheet:
         time = columns[coordinate][0] if coordinate in columns and coordinate != name else None
         return dataclasses.replace(part, run=runs.get(_folder(name), part.run), time=time)
 
-    def load(wanted: Sequence[Column]) -> list[np.ndarray]:
-        return [signal(values(name), index) for name, index in (column.key for column in wanted)]
-
     def values(name: str) -> np.ndarray:
         node = nodes[name]
         return cf_values(node[()], functools.partial(attribute, node), f"'{name}' in {path.name}")
 
+    load = lambda wanted: [signal(values(name), index) for name, index in (column.key for column in wanted)]
     return Sheet([complete(name, part) for name, parts in columns.items() for part in parts], load, of="data set")
 
 
@@ -79,13 +77,7 @@ def cf_unit(units: Any) -> str | None:
 def cf_values(raw: np.ndarray, attribute: Callable[[str], Any], where: str) -> np.ndarray:
     """Apply missing values, scale and offset of the CF conventions.
 
-    Args:
-        raw: the stored numbers, of any shape.
-        attribute: function from a name to the attribute, None if there is none.
-        where: the data, for messages: "'x' in run.nc".
-
-    Raises:
-        DataError: a scale or offset that is not a number.
+    `attribute` looks up an attribute by its name; `where` names the data in messages: "'x' in run.nc".
     """
     values = raw.astype(np.float64)
     for name in ("_FillValue", "missing_value"):

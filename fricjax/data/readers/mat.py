@@ -33,9 +33,6 @@ def open_sheet(path: Path, choice: Choice, *, row: int = 0, cells: Sequence[int]
     - `row`: the signal of a variable with several, from 0.
     - `cells`: indices of the cells to read, None for all.
     - `run`: the structure, if several structures hold a separate time; signals of Simulink have their labels as names.
-
-    Raises:
-        DataError: an unknown name (the message offers the nearest), or a variable without numbers.
     """
     with h5py.File(path, "r") if is_hdf5(path) else nullcontext() as file:
         tree = load_tree(path, file)
@@ -48,11 +45,7 @@ def open_sheet(path: Path, choice: Choice, *, row: int = 0, cells: Sequence[int]
             raise DataError(
                 f"{path.name} holds no variable that could be a record; it has {quoted(list(tree)) or 'nothing'}."
             )
-
-        def load(wanted: Sequence[Column]) -> list[np.ndarray]:
-            return [_loaded(tree, column, row, cells, path.name) for column in wanted]
-
-        yield Sheet(columns, load)
+        yield Sheet(columns, lambda wanted: [_loaded(tree, column, row, cells, path.name) for column in wanted])
 
 
 def _columns(tree: dict[str, Any]) -> list[Column]:

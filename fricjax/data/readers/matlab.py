@@ -27,14 +27,8 @@ class Opaque(NamedTuple):
 def load_tree(path: Path, file: h5py.File | None) -> dict[str, Any]:
     """Read the variables of a `.mat` file as a tree.
 
-    The nodes are dicts, lists, arrays (real or complex), data sets, strings and `Opaque`.
-
-    Args:
-        path: the file.
-        file: the open file if it is of version 7.3.
-
-    Raises:
-        DataError: a damaged file.
+    The nodes are dicts, lists, arrays (real or complex), data sets, strings and `Opaque`. `file` is the open file if it
+    is of version 7.3.
     """
     if file is None and path.stat().st_size > allowance(path):
         size = gigabytes(path.stat().st_size)

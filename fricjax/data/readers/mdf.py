@@ -5,7 +5,7 @@ conversions may be formulas of any length, and files of unknown origin must not 
 """
 
 import dataclasses
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -33,9 +33,6 @@ def open_sheet(path: Path, choice: Choice) -> Iterator[Sheet]:
 
     Each group of channels has a clock. Channels are named with or without their group: "Group 1/x". If several groups
     have channels of the same name, each group is a run.
-
-    Raises:
-        DataError: a file of version 3.
     """
     with path.open("rb") as stream:
         head = stream.read(16)
@@ -45,23 +42,14 @@ def open_sheet(path: Path, choice: Choice) -> Iterator[Sheet]:
         raise DataError(f"{path.name} is of version {head[8:12].decode('ascii', 'replace')}; convert it to MDF 4.")
     # The library unpacks paths to another place, so it gets a stream.
     with path.open("rb") as stream, asammdf.MDF(stream) as file:
-        yield _sheet(file)
-
-
-def _sheet(file: Any) -> Sheet:
-    groups: dict[str, list[Column]] = {}
-    for i, group in enumerate(file.groups):
-        filled = group.channel_group.cycles_nr > 0
-        columns = [_column(channel, (i, j), filled) for j, channel in enumerate(group.channels)]
-        clocks = [column for column, channel in zip(columns, group.channels, strict=True) if _is_clock(channel)]
-        time = clocks[0] if clocks else None
-        columns = [column if column is time else dataclasses.replace(column, time=time) for column in columns]
-        groups[f"Group {i + 1} {group.channel_group.acq_name or ''}".strip()] = columns
-
-    def load(wanted: Sequence[Column]) -> list[np.ndarray]:
-        return [_values(file, *column.key) for column in wanted]
-
-    return Sheet(grouped(groups), load, of="channel")
+        groups: dict[str, list[Column]] = {}
+        for i, group in enumerate[Any](file.groups):
+            filled = group.channel_group.cycles_nr > 0
+            columns = [_column(channel, (i, j), filled) for j, channel in enumerate(group.channels)]
+            time = next((column for column, each in zip(columns, group.channels, strict=True) if _is_clock(each)), None)
+            columns = [column if column is time else dataclasses.replace(column, time=time) for column in columns]
+            groups[f"Group {i + 1} {group.channel_group.acq_name or ''}".strip()] = columns
+        yield Sheet(grouped(groups), lambda wanted: [_values(file, *column.key) for column in wanted], of="channel")
 
 
 def _is_clock(channel: Any) -> bool:

@@ -5,7 +5,7 @@ file.
 """
 
 import numbers
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from ..record import Record
 from ..trace import Trace
 from .assemble import assemble, records_of, with_choice
 from .choice import Choice
-from .samples import Samples
+from .choose import Samples
 from .sheet import Column, Sheet
 from .tables import Cells, column_of, floats_of, header_of, is_vector, table_columns
 
@@ -24,11 +24,7 @@ _PLACE = lambda i: f"row {i} (the first is 0)"
 
 
 def memory_reader(source: Any) -> tuple[Callable[..., Any], str]:
-    """Return the reader for an object, and its kind for messages.
-
-    Raises:
-        UsageError: an object of an unsupported type, or several runs at once.
-    """
+    """Return the reader for an object, and its kind for messages."""
     if isinstance(source, Record | Trace):
         return _read_record, "records"
     if is_pair(source):
@@ -93,10 +89,7 @@ def _read_table(source: Any, choice: Choice) -> Record | list[Record]:
         Column(column.name, column.unit, column.run, column.header, fault=column.fault, key=i)
         for i, column in enumerate(cells)
     ]
-
-    def load(wanted: Sequence[Column]) -> list[np.ndarray]:
-        return [floats_of(cells[column.key], kind) for column in wanted]
-
+    load = lambda wanted: [floats_of(cells[column.key], kind) for column in wanted]
     records = records_of(Path(kind), kind, Sheet(columns, load, _PLACE), choice)
     return [_of(record, name) for record in records] if isinstance(records, list) else _of(records, name)
 
@@ -124,12 +117,7 @@ def _read_array(
     sigma: Any = None,
     sign: int = 1,
 ) -> Record:
-    """Read displacements with separate times or a rate.
-
-    Raises:
-        UsageError: neither or both of `t` and `rate` are given.
-        DataError: the numbers of times and displacements differ.
-    """
+    """Read displacements with separate times or a rate."""
     x = column_of(source, header_of(source, "x"))
     if (t is None) == (rate is None):
         raise UsageError(

@@ -1,7 +1,7 @@
 """Records in netCDF files: version 4 is HDF5, SciPy reads version 3."""
 
 import dataclasses
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -25,9 +25,6 @@ def open_sheet(path: Path, choice: Choice) -> Iterator[Sheet]:
 
     The names of the columns are those of variables (with their groups in version 4). The times of a column are its
     coordinate variable.
-
-    Raises:
-        DataError: a file of another version.
     """
     with path.open("rb") as stream:
         head = stream.read(4)
@@ -54,9 +51,10 @@ def _sheet(path: Path, variables: dict[str, Any]) -> Sheet:
         coordinate = next((each for each in variables[name].dimensions if each in columns), name)
         return part if coordinate == name else dataclasses.replace(part, time=columns[coordinate][0])
 
-    def load(wanted: Sequence[Column]) -> list[np.ndarray]:
-        return [signal(_values(path, name, variables[name]), index) for name, index in (each.key for each in wanted)]
+    def values(name: str) -> np.ndarray:
+        return cf_values(np.asarray(variables[name].data), _attribute_of(variables[name]), f"'{name}' in {path.name}")
 
+    load = lambda wanted: [signal(values(name), index) for name, index in (each.key for each in wanted)]
     return Sheet([complete(name, part) for name, parts in columns.items() for part in parts], load, of="variable")
 
 
@@ -79,7 +77,3 @@ def _attribute_of(variable: Any) -> Callable[[str], Any]:
         return value if value is None or np.ndim(value) == 0 else next(iter(np.ravel(value)), None)
 
     return attribute
-
-
-def _values(path: Path, name: str, variable: Any) -> np.ndarray:
-    return cf_values(np.asarray(variable.data), _attribute_of(variable), f"'{name}' in {path.name}")

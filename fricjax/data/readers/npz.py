@@ -1,6 +1,6 @@
 """Records in archives of numpy arrays, without pickled objects."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -19,9 +19,6 @@ def open_sheet(path: Path, choice: Choice) -> Iterator[Sheet]:
     """Open an `.npz` archive, also one from `fricjax.write`.
 
     Names may contain units, as in `x_mm`.
-
-    Raises:
-        DataError: a single array, pickled objects, or no arrays.
     """
     archive = np.load(path)
     if not isinstance(archive, np.lib.npyio.NpzFile):
@@ -37,10 +34,7 @@ def open_sheet(path: Path, choice: Choice) -> Iterator[Sheet]:
         columns = [
             column for name, each in vectors.items() for column in array_columns(name, each.dtype, each.shape, name)
         ]
-
-        def load(wanted: Sequence[Column]) -> list[np.ndarray]:
-            return [signal(vectors[name], index) for name, index in (column.key for column in wanted)]
-
+        load = lambda wanted: [signal(vectors[name], index) for name, index in (column.key for column in wanted)]
         yield Sheet(columns, load)
 
 
@@ -69,8 +63,5 @@ def fricjax_sheet(arrays: dict[str, Any], texts: dict[str, str]) -> Sheet:
         for name in COLUMNS
         if name in arrays
     ]
-
-    def load(wanted: Sequence[Column]) -> list[np.ndarray]:
-        return [np.asarray(arrays[column.key], dtype=np.float64) for column in wanted]
-
+    load = lambda wanted: [np.asarray(arrays[column.key], dtype=np.float64) for column in wanted]
     return Sheet(columns, load, record=texts)

@@ -4,7 +4,7 @@ Columns are read one by one. Metadata from pandas are treated as plain data.
 """
 
 import functools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -31,9 +31,6 @@ def open_sheet(path: Path, choice: Choice) -> Iterator[Sheet]:
 
     The unit of a column is that of its metadata `units`, else of the `attrs` that pandas stores, else of its name. If
     the runs follow each other in one table, the column "run" labels them.
-
-    Raises:
-        DataError: the rows of a run are not contiguous.
     """
     with parquet.ParquetFile(path) as file:
         yield _sheet(path, file)
@@ -57,10 +54,7 @@ def _sheet(path: Path, file: Any) -> Sheet:
             for run, span in spans.items()
             for c in columns
         ]
-
-    def load(wanted: Sequence[Column]) -> list[np.ndarray]:
-        return [values(name)[span] for name, span in (column.key for column in wanted)]
-
+    load = lambda wanted: [values(name)[span] for name, span in (column.key for column in wanted)]
     return Sheet(columns, load, lambda i: f"row {i + 1}", of="column")
 
 
@@ -99,11 +93,7 @@ def _numbers(column: Any) -> np.ndarray:
 
 
 def _spans(path: Path, file: Any, name: str) -> dict[str, slice]:
-    """Return the rows of each run by its label.
-
-    Raises:
-        DataError: the rows of a run are not contiguous, or there are too many runs.
-    """
+    """Return the contiguous rows of each run by its label."""
     labels = file.read([name]).column(name).combine_chunks().dictionary_encode()
     codes = labels.indices.to_numpy(zero_copy_only=False)
     if codes.size == 0 or labels.null_count:

@@ -44,11 +44,7 @@ class Cells:
 
 
 def table_columns(source: Any) -> list[Cells]:
-    """Return the columns of a table, a usable index first.
-
-    Raises:
-        DataError: headers with several levels, or a header that occurs twice.
-    """
+    """Return the columns of a table, a usable index first."""
     if hasattr(source, "coords") and hasattr(source, "dims"):
         variables = source.data_vars if hasattr(source, "data_vars") else {}
         values = [] if variables else [column_of(source, header_of(source, "x"))]
@@ -148,11 +144,7 @@ def seconds_of(array: np.ndarray) -> np.ndarray | None:
 
 
 def floats_of(column: Cells, kind: str) -> np.ndarray:
-    """Return the numbers of a column; missing cells are NaN.
-
-    Raises:
-        DataError: complex numbers, or a cell that is not a number.
-    """
+    """Return the numbers of a column; missing cells are NaN."""
     if column.values.dtype.kind == "c":
         raise DataError(
             f"{kind} holds complex numbers in '{column.header}', but a displacement is real; take their real part."

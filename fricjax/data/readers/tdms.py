@@ -2,7 +2,7 @@
 
 import dataclasses
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -24,28 +24,17 @@ def open_sheet(path: Path, choice: Choice) -> Iterator[Sheet]:
     The times of a channel come from its waveform or from a channel of times. Channels are named with or without their
     group: "Run 1/x". The unit is the property `unit_string`, which LabVIEW writes. If several groups have channels of
     the same name, each group is a run.
-
-    Raises:
-        DataError: a truncated file.
     """
     # The library reports a truncated file only in its log, so silence the log and check for truncation below.
     nptdms.log.log_manager.set_level(logging.ERROR)
     # Pass a stream instead of a path: next to a path the library reads an index file, which may belong to another file.
     with path.open("rb") as stream, nptdms.TdmsFile.open(stream, raw_timestamps=True) as file:
-        yield _sheet(path, file)
-
-
-def _sheet(path: Path, file: Any) -> Sheet:
-    status = file.file_status
-    lengths = (status.channel_statuses or {}).values()
-    if status.incomplete_final_segment or any(each.expected_length != each.read_length for each in lengths):
-        raise DataError(f"{path.name} is cut off: its last segment is not complete; copy or export it again.")
-    groups = {group.name: [_column(channel) for channel in group.channels()] for group in file.groups()}
-
-    def load(wanted: Sequence[Column]) -> list[np.ndarray]:
-        return [_values(*column.key) for column in wanted]
-
-    return Sheet(grouped(groups), load, of="channel")
+        status = file.file_status
+        lengths = (status.channel_statuses or {}).values()
+        if status.incomplete_final_segment or any(each.expected_length != each.read_length for each in lengths):
+            raise DataError(f"{path.name} is cut off: its last segment is not complete; copy or export it again.")
+        groups = {group.name: [_column(channel) for channel in group.channels()] for group in file.groups()}
+        yield Sheet(grouped(groups), lambda wanted: [_values(*column.key) for column in wanted], of="channel")
 
 
 def _column(channel: Any) -> Column:

@@ -44,12 +44,7 @@ class Text:
 
     @classmethod
     def of(cls, path: Path, encoding: str | None = None) -> "Text":
-        """Read the beginning of a file, or all of a short one.
-
-        Raises:
-            DataError: a binary file, or a line of more than a megabyte.
-            UsageError: an unknown encoding.
-        """
+        """Read the beginning of a file, or all of a short one."""
         with path.open("rb") as file:
             # The buffer for a megabyte takes more time than a short file.
             data = file.read(min(path.stat().st_size, HEAD))

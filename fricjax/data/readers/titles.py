@@ -44,13 +44,9 @@ def numbered(width: int) -> Titles:
 
 
 def titles_of(above: Sequence[str], kinds: list[str], delimiter: str, is_comment: Callable[[str], bool]) -> Titles:
-    """Find the titles of a table.
+    """Find the titles of a table in the lines above its data.
 
-    Args:
-        above: the lines above the data.
-        kinds: the kinds of the columns.
-        delimiter: field separator.
-        is_comment: returns True for a comment; titles in comments count only if there are no others.
+    Titles in comments count only if there are no others.
     """
     lines = [line for line in above if line.strip() and not _RULE.fullmatch(line)]
     rows_above: list[tuple[str, list[str]]] = []

@@ -33,14 +33,8 @@ def open_sheet(path: Path, choice: Choice) -> Iterator[Sheet]:
     These are the data sets 58 or 58b. A column is named by quantity, point and direction: "displacement 3 +Z". The unit
     is the label of the ordinate, else that of the system of units in data set 164. If several data sets belong to the
     same point, each is a run.
-
-    Raises:
-        DataError: no time response.
     """
-    yield _sheet(path, pyuff.UFF(str(path)))
-
-
-def _sheet(path: Path, file: Any) -> Sheet:
+    file: Any = pyuff.UFF(str(path))
     kinds = file.get_set_types()
     heads = {i: file.read_sets(i, header_only=True) for i, kind in enumerate(kinds) if kind == _FUNCTION}
     heads = {i: head for i, head in heads.items() if head["func_type"] in _OVER_TIME}
@@ -62,7 +56,7 @@ def _sheet(path: Path, file: Any) -> Sheet:
         sets = {i: file.read_sets(i) for i in {column.key[0] for column in wanted}}
         return [_values(path, sets[i], what) for i, what in (column.key for column in wanted)]
 
-    return Sheet(columns, load)
+    yield Sheet(columns, load)
 
 
 def _name(head: dict[str, Any]) -> str:
