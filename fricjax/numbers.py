@@ -1,5 +1,7 @@
-"""Numbers in arguments of public functions."""
+"""Numbers in arguments of public functions, and lengths of Fourier transforms."""
 
+import bisect
+import functools
 from typing import Any
 
 import numpy as np
@@ -44,3 +46,23 @@ def scalar(name: str, value: Any) -> float:
     if number.ndim:
         raise UsageError(f"{name} must be one number, but it has shape {number.shape}.")
     return float(number)
+
+
+@functools.lru_cache(maxsize=32)
+def fast_length(n: int, *, at_most: bool = False) -> int:
+    """Return the smallest 5-smooth integer of at least `n`.
+
+    A fast Fourier transform of this length is efficient. The functions `next_fast_len` and `prev_fast_len` of
+    `scipy.fft` are equivalent, but importing SciPy would slow down a first fit.
+
+    Args:
+        n: a length of at least one.
+        at_most: return the largest one of at most `n` instead.
+
+    Examples:
+        >>> fast_length(1000), fast_length(1025), fast_length(1025, at_most=True)
+        (1000, 1080, 1024)
+    """
+    powers = [[base**i for i in range(n.bit_length() + 1)] for base in (2, 3, 5)]
+    smooth = sorted(a * b * c for a in powers[0] for b in powers[1] for c in powers[2])
+    return smooth[bisect.bisect_right(smooth, n) - 1] if at_most else smooth[bisect.bisect_left(smooth, n)]

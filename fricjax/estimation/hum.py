@@ -5,6 +5,8 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from ..numbers import fast_length
+
 # Power of a line relative to the median of its neighbours; white noise exceeds it at one of 10^9 frequencies.
 _LINE = 30.0
 # Neighbouring frequencies on either side, the half-width of a line under Hann's window, and the maximum number of
@@ -27,21 +29,6 @@ def waves_of(t: np.ndarray, unit: np.ndarray, lines: Iterable[float]) -> np.ndar
 def _interval(t: np.ndarray) -> float:
     """Return the median time between rows [s]."""
     return float(np.median(np.diff(t)))
-
-
-@functools.lru_cache(maxsize=16)
-def fast_length(n: int) -> int:
-    """Return the smallest 5-smooth integer of at least `n`.
-
-    A fast Fourier transform of this length is efficient. `scipy.fft.next_fast_len` is equivalent, but importing SciPy
-    would slow down a first fit.
-
-    Examples:
-        >>> fast_length(1000), fast_length(1025)
-        (1000, 1080)
-    """
-    odd = (3**i * 5**j for i in range(n.bit_length()) for j in range(n.bit_length()))
-    return min(product << (-(-n // product) - 1).bit_length() for product in odd)
 
 
 @functools.lru_cache(maxsize=16)

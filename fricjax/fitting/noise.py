@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .. import thresholds
-from ..estimation.hum import fast_length
+from ..numbers import fast_length
 from ..show import engineering
 
 _BLOCK = 1 << 17

@@ -55,7 +55,7 @@ class AbstractRestoring(eqx.Module):
 
         It opposes the motion in both directions.
         """
-        return jnp.zeros_like(x)
+        return 0.0 * x
 
     def reference(self, x: Values, stiffness: Scalar) -> Values:
         """Return the stiffness of the equivalent linear spring for half-cycles from `x`.

@@ -7,6 +7,7 @@ the full noise of the record. Differences of neighbouring samples show only its 
 
 import numpy as np
 
+from ...numbers import fast_length
 from .half_cycles import HalfCycles
 from .noise import line_fit, median
 from .swing import PreparedTrace
@@ -117,11 +118,8 @@ def rest_spectrum(t: np.ndarray, x: np.ndarray, stop: float, half_period: float)
     longest = min(t.size - int(np.searchsorted(t, stop + RINGS * half_period)), LONGEST)
     if longest < 64 or t[-1] - t[-longest] < 2 * STRETCH * half_period:
         return np.empty(0), np.empty(0)
-    # Import late: the import takes longer than a fit.
-    from scipy.fft import prev_fast_len
-
     # A length with a large prime factor would take thirty times longer.
-    size = int(prev_fast_len(longest, real=True) or longest)
+    size = fast_length(longest, at_most=True)
     t, x = t[-size:], x[-size:]
     even = np.linspace(t[0], t[-1], t.size)
     y = np.interp(even, t, x - x.mean())
