@@ -20,6 +20,7 @@ from jaxtyping import Array, Float
 
 from ..estimation.arrays import namespace, select, while_loop
 from ..estimation.loss import AbstractLoss, Squares
+from ..estimation.marquardt import Marquardt
 from ..estimation.passes import Pass
 from ..estimation.status import MAX_STEPS, NOT_FINITE
 from .derived import Derived
@@ -205,11 +206,6 @@ def _least_squares(
     steps: Array,
 ) -> tuple[Array, dict[str, Any]]:
     """Run Levenberg-Marquardt once from coordinates `y`; return the optimum and the statistics."""
-    # Only tracing needs the solver; a process with the program in its cache saves an import of half a second.
-    import optimistix
-
-    from ..estimation.levenberg_marquardt import LevenbergMarquardt, minimise
-
     xp, runs = namespace(y), list(zip(residual.runs, passes.weights, strict=True))
     informed = sum(xp.sum(weight > 0) for _, weight in runs) + xp.sum(residual.prior_weight > 0)
     options = {
@@ -220,9 +216,14 @@ def _least_squares(
     }
     if isinstance(passes.loss, Squares):
         options["linear"] = limits.linear & (steps > 1)
-    solver = LevenbergMarquardt(passes=passes, max_steps=steps, tolerance=tolerance)
     if xp is np:
-        return minimise(solver, y, options)
+        return Marquardt(passes, steps, tolerance).minimise(y, options)
+    # Only tracing needs optimistix; other processes save an import of half a second.
+    import optimistix
+
+    from ..estimation.levenberg_marquardt import LevenbergMarquardt
+
+    solver = LevenbergMarquardt(passes=passes, max_steps=steps, tolerance=tolerance)
     # The objective contains the model; optimistix needs only the shape of the function. The solver counts its steps.
     optimum = optimistix.least_squares(lambda q, _: q, solver, y, options=options, max_steps=None, throw=False)
     return optimum.value, optimum.stats

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares as scipy_least_squares
 
-from fricjax.estimation import damped_step, levenberg_marquardt
+from fricjax.estimation import damped_step, marquardt
 from fricjax.estimation.covariance import WEAKEST
 from fricjax.estimation.levenberg_marquardt import LevenbergMarquardt
 from fricjax.estimation.status import AT_BOUND, CONVERGED, UNDETERMINED, is_determined
@@ -63,11 +63,11 @@ def test_a_linear_problem_is_done_after_one_step():
 @pytest.mark.parametrize(
     ("module", "constant", "value"),
     [
-        (levenberg_marquardt, "_SCATTER", 0.01),
-        pytest.param(levenberg_marquardt, "_SCATTER", 0.005, marks=pytest.mark.slow),
-        pytest.param(levenberg_marquardt, "_SCATTER", 0.02, marks=pytest.mark.slow),
-        pytest.param(levenberg_marquardt, "_FORESEEN", 0.5, marks=pytest.mark.slow),
-        pytest.param(levenberg_marquardt, "_FORESEEN", 0.9, marks=pytest.mark.slow),
+        (marquardt, "_SCATTER", 0.01),
+        pytest.param(marquardt, "_SCATTER", 0.005, marks=pytest.mark.slow),
+        pytest.param(marquardt, "_SCATTER", 0.02, marks=pytest.mark.slow),
+        pytest.param(marquardt, "_FORESEEN", 0.5, marks=pytest.mark.slow),
+        pytest.param(marquardt, "_FORESEEN", 0.9, marks=pytest.mark.slow),
         pytest.param(damped_step, "_TAKEN", 0.25, marks=pytest.mark.slow),
         pytest.param(damped_step, "_TAKEN", 0.75, marks=pytest.mark.slow),
     ],

@@ -39,9 +39,9 @@ def test_exact():
 def test_hybrid():
     two = machine(Coulomb(0.02) + Coulomb(0.03))
     free, tie = ("friction.0.mu", "damping", "stiffness"), {"friction.1.mu": ("friction.0.mu", 0.5)}
-    fit(coulomb_run(), two, free, tie=tie)
+    fit(coulomb_run(), two, free, tie=tie, engine="hybrid")
     with compilations() as seen:
-        fit(coulomb_run(1.8e-3, seed=9), machine(Coulomb(0.3) + Coulomb(0.01)), free, tie=tie)
+        fit(coulomb_run(1.8e-3, seed=9), machine(Coulomb(0.3) + Coulomb(0.01)), free, tie=tie, engine="hybrid")
     assert not seen
 
 
