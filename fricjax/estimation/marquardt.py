@@ -86,9 +86,7 @@ class Marquardt(NamedTuple):
         damping, status, yes = zero + _FIRST_DAMPING, xp.asarray(RUNNING), xp.asarray(True)
         return State(y, nothing, xp.zeros(y.size), damping, zero + 2, zero, status, none, yes, ~yes, ~yes, zero, zero)
 
-    def step(
-        self, fn: Any, y: Array, args: PyTree, options: dict[str, Any], state: State
-    ) -> tuple[Array, State]:
+    def step(self, fn: Any, y: Array, args: PyTree, options: dict[str, Any], state: State) -> tuple[Array, State]:
         """Evaluate a trial; return the accepted coordinates and the next state."""
         xp, setting = namespace(y), Setting.of(options)
         there, move, blurred = project(self.passes(fn, state.trial, args), setting.linear)

@@ -27,6 +27,7 @@ from .problem import Problem, build_problem
 from .rest import miscounted, solve_with_rest, stops_within
 from .result import named
 from .solve import Solution, solve_batch
+from .tabulate import untabulated
 from .warnings import warnings_of_run
 from .window import NEVER
 
@@ -241,6 +242,8 @@ def collected(rows: Sequence[Row], sources: tuple[str, ...]) -> BatchFit:
         raise UsageError(f"No run could be fitted. The first was {rows[0].status}")
     problem: Any = fitted[0].problem
     names, p = problem.names, len(problem.names)
+    # Only a single run is solved by tables.
+    engine = (problem.residual if len(fitted) == 1 else untabulated(problem.residual)).engine
 
     def column(of: Callable[[Any, Any, Any], Any], shape: tuple[int, ...] = (), absent: Any = np.nan) -> np.ndarray:
         """Evaluate `of` for each run; rejected runs get `absent`."""
@@ -293,7 +296,7 @@ def collected(rows: Sequence[Row], sources: tuple[str, ...]) -> BatchFit:
         half_cycles=column(_half_cycles, absent=-1),
         iterations=column(lambda _, w, __: w.solution.iterations, absent=0),
         passes=column(lambda _, w, __: w.solution.passes, absent=0),
-        engine=type(problem.residual.engine).__name__.lower(),
+        engine=type(engine).__name__.lower(),
         sources=sources,
     )
 

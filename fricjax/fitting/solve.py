@@ -20,7 +20,7 @@ from .. import thresholds
 from ..errors import UsageError
 from ..estimation.covariance import Quadratic, quadratic
 from ..estimation.loss import AbstractLoss, Squares
-from ..estimation.status import AT_BOUND, CONVERGED, NOT_FINITE, OUT_OF_STEPS, STALLED, UNDETERMINED
+from ..estimation.status import AT_BOUND, CONVERGED, OUT_OF_STEPS, STALLED, UNDETERMINED
 from ..oscillator import Program, waiting
 from ..oscillator.engines import AbstractEngine
 from .chunks import Member, solve_in_chunks
@@ -49,6 +49,7 @@ _BOUNDLESS = 1e100
 _ROUGH, _NEAR = 100.0, Schedule(tolerance=np.asarray(0.3))
 # If a direction is undetermined, a finer engine cannot find an optimum.
 _OPTIMA = (CONVERGED, AT_BOUND)
+_ENDS = (*_OPTIMA, UNDETERMINED)
 # A mesh fits one set of coordinates, so an optimum may need a mesh made near it. Until then the solver may run out of
 # steps, or stall on an outdated mesh. It continues while chi^2 decreases by this factor.
 _MESHES, _PAYS = 6, 0.8
@@ -123,10 +124,15 @@ def one_by_one(members: Sequence[Member], loss: AbstractLoss) -> list[Iterate]:
 
 
 def _solved(member: Member, loss: AbstractLoss) -> Iterate:
+    """Solve one problem, by tables if its engine has them.
+
+    Tables do not continue a motion beyond the stop of the law. A solve that this stops goes to the other engine.
+    """
     arguments = member.stage_weights, member.limits, loss, np.asarray(member.y), member.schedule
     if isinstance(member.residual.engine, Tables):
         at = solve_on_host(member.residual, *arguments)
-        if int(at.status) != NOT_FINITE and np.isfinite(at.evaluation.cost):
+        evaluates = int(member.schedule.steps) == 1
+        if np.isfinite(at.evaluation.cost) and (evaluates or at.status in _ENDS):
             return at
     return jax.tree.map(np.asarray, staged(untabulated(member.residual), *arguments))
 

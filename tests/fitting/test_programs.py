@@ -137,7 +137,7 @@ def test_the_check_tells_the_numerical_error_of_an_engine(nodes: int, amplitudes
 
     The estimate is the step to the optimum of another mesh of the same size, the truth that of a far finer mesh.
     """
-    problem = problem_of(noisy("rolling", "Tanh", 5), machine("Tanh"), MACHINE)
+    problem = problem_of(noisy("rolling", "Tanh", 5), machine("Tanh"), MACHINE, engine="hybrid")
     at = solve.solve_condensed(problem, solve.start_coordinates(problem))
     given = problem.residual.engine
     assert isinstance(given, Hybrid)
