@@ -74,7 +74,7 @@ def scan(law: str, problem: Problem) -> Curves:
 def curves(request) -> Curves:
     law = request.param
     free = (*MACHINE, "sigma0") if law == "LuGre" else MACHINE
-    problem = problem_of(noisy("rolling", law, 0), oscillator(RIGS["rolling"], law), free)
+    problem = problem_of(noisy("rolling", law, 0), oscillator(RIGS["rolling"], law), free, engine=ENGINES[law].lower())
     assert type(problem.residual.engine).__name__ == ENGINES[law]
     return scan(law, problem)
 
