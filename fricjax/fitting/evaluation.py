@@ -195,6 +195,26 @@ def _among_all(
     return residual, along_all, points, jnp.concatenate([blocks[:, :few], slopes], axis=1)
 
 
+def block_columns(residual: Any, seen: Any, weight: Any, loss: AbstractLoss) -> tuple[Any, ...]:
+    """Return the fields of a `Block` except the slopes, for each sample.
+
+    Args:
+        residual: weighted residuals of consecutive samples, shape (..., CHUNK).
+        seen: displacements [m], same shape.
+        weight: weights [1/m], same shape.
+        loss: loss of the residuals.
+    """
+    xp = namespace(residual)
+    _, share, curvature = loss.parts(residual)
+    counts, influence = (weight > 0) * 1.0, share * residual
+    adjacent, reading = counts * xp.roll(counts, 1, axis=-1), seen + residual / xp.where(weight > 0, weight, 1.0)
+    step = xp.diff(reading, prepend=reading[..., :1], axis=-1)
+    bend = xp.diff(influence, n=2, prepend=influence[..., :1], append=influence[..., -1:], axis=-1)
+    inside = (xp.arange(CHUNK) % (CHUNK - 1) > 0) * adjacent * xp.roll(counts, -1, axis=-1)
+    rough, moved = inside * bend**2 / 6, adjacent * (weight * step) ** 2
+    return influence, influence**2, rough, counts, counts * curvature, moved
+
+
 def block_length(samples: int) -> int:
     """Return the block length for a padded record of `samples` samples."""
     return 1 if samples <= _SHORT else min(power(-(-samples // BLOCKS), _LEAST), CHUNK)
@@ -230,15 +250,8 @@ def _run(residual: Residual, y: Array, number: Any, data: Run, loss: AbstractLos
         # Both are used many times below; without a barrier XLA computes the motion again for each use.
         r, columns = jax.lax.optimization_barrier((r, columns))
         sums_of_chunk = gather(r, columns, loss)
-        _, share, curvature = loss.parts(r)
-        counts, influence = (used > 0) * 1.0, share * r
-        adjacent, reading = counts * jnp.roll(counts, 1), seen + r / jnp.where(used > 0, used, 1.0)
-        step = jnp.diff(reading, prepend=reading[:1])
-        bend = jnp.diff(influence, n=2, prepend=influence[:1], append=influence[-1:])
-        inside = (jnp.arange(CHUNK) % (CHUNK - 1) > 0) * adjacent * jnp.roll(counts, -1)
-        rough, moved = inside * bend**2 / 6, adjacent * (used * step) ** 2
-        curved = counts * curvature
-        columns_of_block = (influence, influence**2, rough, counts, curved, moved)
+        columns_of_block = block_columns(r, seen, used, loss)
+        curved = columns_of_block[Block._fields.index("curvature")]
         each = jnp.column_stack([*columns_of_block, curved[:, None] * columns])
         summed = each.reshape(-1, length, each.shape[1]).sum(axis=1).astype(jnp.float32)
         return (

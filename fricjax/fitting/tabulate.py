@@ -23,7 +23,7 @@ from ..tables import Decay, Forces, Mesh, Tabulation, choose_layout, decay, make
 from ..tables import Start as Release
 from ..tables.interpreter import evaluate as run_jaxpr
 from .derived import Derived, derive
-from .evaluation import CHUNK, Block, Evaluation, block_length
+from .evaluation import CHUNK, Block, Evaluation, block_columns, block_length
 from .residual import ERRORS, Residual, Run
 from .window import NEVER, Window, equilibrium
 
@@ -327,20 +327,10 @@ def _summed(
     left: Any, slopes: Any, seen: np.ndarray, weight: np.ndarray, loss: AbstractLoss, length: int
 ) -> tuple[np.ndarray, Pass]:
     """Return the sums of samples over blocks, and over all of them."""
-    _, share, curvature = loss.parts(left)
-    counts, influence = (weight > 0) * 1.0, share * left
     chunks = lambda each: each.reshape(-1, CHUNK)
-    adjacent = counts * np.roll(chunks(counts), 1, axis=1).ravel()
-    reading = seen + left / np.where(weight > 0, weight, 1.0)
-    step = np.diff(chunks(reading), prepend=chunks(reading)[:, :1], axis=1).ravel()
-    parts = chunks(influence)
-    bend = np.diff(parts, n=2, prepend=parts[:, :1], append=parts[:, -1:], axis=1).ravel()
-    following = np.roll(chunks(counts), -1, axis=1).ravel()
-    inside = (np.arange(left.size) % CHUNK % (CHUNK - 1) > 0) * adjacent * following
-    curved = counts * curvature
-    few = np.stack(
-        [influence, influence**2, inside * bend**2 / 6, counts, curved, adjacent * (weight * step) ** 2], axis=1
-    )
+    fields = block_columns(chunks(left), chunks(seen), chunks(weight), loss)
+    few = np.stack([each.ravel() for each in fields], axis=1)
+    curved = few[:, Block._fields.index("curvature")]
     blocks = np.concatenate([few, curved[:, None] * slopes], axis=1).reshape(-1, length, few.shape[1] + slopes.shape[1])
     return blocks.sum(axis=1).astype(np.float32), gather(left, slopes, loss)
 
