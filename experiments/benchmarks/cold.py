@@ -24,7 +24,7 @@ from typing import Any
 RELEASES, RATE, DURATION = (1e-3, 2e-3, 3e-3), 5e3, 2.0
 MACHINE = ("mu", "damping", "stiffness")
 # Largest total seconds of a job with an empty and with a filled cache. None: no limit.
-LAWS = {"coulomb": (3.0, 3.0), "tanh": (7.0, 3.0), "stribeck": (8.0, 3.0), "lugre": (12.0, 3.0), "dahl": (12.0, 3.0)}
+LAWS = {"coulomb": (2.0, 2.0), "tanh": (2.0, 2.0), "stribeck": (2.5, 2.5), "lugre": (12.0, 3.0), "dahl": (12.0, 3.0)}
 # The other laws with large programs. Only the first fit counts. Elements come in pairs.
 OTHERS = ("maxwell-slip", "elasto-plastic", "rate-state", "bliman-sorine", "gms", "leuven")
 ASKED = {

@@ -14,7 +14,6 @@ optimum, need no further compilation. Inputs of a rig are evaluated by a separat
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -26,7 +25,8 @@ from ..estimation.status import MAX_STEPS, NOT_FINITE
 from .derived import Derived
 from .evaluation import Evaluation, EvaluationPasses, TracedModel
 from .residual import Residual
-from .tabulate import TabulatedModel, allowed
+from .tabulate import TabulatedModel
+from .window import NEVER
 
 if TYPE_CHECKING:
     pass
@@ -129,8 +129,11 @@ def solve_in_stages(
     loss: AbstractLoss,
     y: Float[Array, " coordinates"],
     way: Schedule,
+    model: Any = None,
 ) -> Iterate:
     """Solve least squares from coordinates `y`, in as many stages as needed.
+
+    Without a `model` of the residual it is traced, with its engine.
 
     With inputs of a rig only evaluate: stages would never move these inputs, and a solver for so many coordinates would
     be compiled in vain.
@@ -138,7 +141,7 @@ def solve_in_stages(
     xp = namespace(y)
     none = xp.asarray(0)
     all_weights = [run.weight for run in residual.runs]
-    model: Any = TracedModel(residual) if xp is jnp else TabulatedModel(residual, y)
+    model = TracedModel(residual) if model is None else model
     if residual.inputs.shape[0]:
         return Iterate(y, none, none, none, model.evaluate(y, all_weights, loss), model.derive(y))
     shortest = xp.min(xp.stack([xp.asarray(part.shortest) for part in stage_weights]))
@@ -187,12 +190,15 @@ def solve_on_host(
     """
     # A trial that is not finite is rejected.
     with np.errstate(all="ignore"):
-        at = solve_in_stages(residual, stage_weights, limits, loss, y, way)
-        for _ in range(_ROUNDS):
-            if way.steps == 1 or not np.all(np.isfinite(at.y)) or allowed(residual, y) == allowed(residual, at.y):
+        model = TabulatedModel(residual, y)
+        at = solve_in_stages(residual, stage_weights, limits, loss, y, way, model)
+        ends_in_motion = any(run.half_cycles >= NEVER for run in residual.runs)
+        for _ in range(_ROUNDS if ends_in_motion and way.steps > 1 else 0):
+            before = model.half_cycles
+            if not np.all(np.isfinite(at.y)) or (model := TabulatedModel(residual, at.y)).half_cycles == before:
                 break
-            y, way = at.y, CONTINUE._replace(tolerance=way.tolerance)
-            then = solve_in_stages(residual, stage_weights, limits, loss, y, way)
+            way = CONTINUE._replace(tolerance=way.tolerance)
+            then = solve_in_stages(residual, stage_weights, limits, loss, at.y, way, model)
             at = then._replace(iterations=at.iterations + then.iterations, stages=at.stages + then.stages)
         return at
 

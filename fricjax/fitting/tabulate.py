@@ -140,9 +140,12 @@ class TabulatedModel:
                 # A law that stops before the end of a record in motion rests there.
                 stuck = np.flatnonzero(~(first.excess[1:-1] > 0))
                 points = points[: int(stuck[0]) + 2] if stuck.size else points
-                # Panels meet at the kinks of the motion, which the turning points give only roughly.
-                known = mesh._replace(amplitudes=first.amplitudes[: points.size - 1])
-                mesh = meshed(points, previous=known if machine.friction.kink_speeds else None)
+                if machine.friction.kink_speeds:
+                    # Panels meet at the kinks of the motion, which the turning points give only roughly.
+                    known = mesh._replace(amplitudes=first.amplitudes[: points.size - 1])
+                    mesh = meshed(points, previous=known)
+                elif stuck.size:
+                    mesh = meshed(points)
             self._meshes.append(mesh)
         self._kept: list[Evaluation] = []
 
@@ -289,16 +292,6 @@ class TabulatedModel:
                 errors = np.stack([-reading, (motion.v + at["drift"]) * t, np.cos(phase), np.sin(phase)], axis=1)
                 columns[:, p:] += errors @ self._residual.inputs[:, -len(ERRORS) :].T
         return columns
-
-
-def allowed(residual: Residual, y: Any) -> list[int]:
-    """Return the numbers of half-cycles that the law allows.
-
-    The list is empty if all runs end in a stop.
-    """
-    if all(int(run.half_cycles) < NEVER for run in residual.runs):
-        return []
-    return TabulatedModel(residual, y).half_cycles
 
 
 def _turning_points(run: Run, x0: float) -> np.ndarray:
