@@ -228,6 +228,12 @@ def _row(weighted: NoiseWeighted, misfit: Misfit) -> Row:
     return Row(status_of(problem, solution, covariances, misfit), problem, weighted, covariances, misfit)
 
 
+def _engine_of(problem: Problem, runs: int) -> str:
+    """Return the name of the engine; only a single run is solved by tables."""
+    residual = problem.residual if runs == 1 else untabulated(problem.residual)
+    return type(residual.engine).__name__.lower()
+
+
 def collected(rows: Sequence[Row], sources: tuple[str, ...]) -> BatchFit:
     """Collect the rows into columns.
 
@@ -242,8 +248,6 @@ def collected(rows: Sequence[Row], sources: tuple[str, ...]) -> BatchFit:
         raise UsageError(f"No run could be fitted. The first was {rows[0].status}")
     problem: Any = fitted[0].problem
     names, p = problem.names, len(problem.names)
-    # Only a single run is solved by tables.
-    engine = (problem.residual if len(fitted) == 1 else untabulated(problem.residual)).engine
 
     def column(of: Callable[[Any, Any, Any], Any], shape: tuple[int, ...] = (), absent: Any = np.nan) -> np.ndarray:
         """Evaluate `of` for each run; rejected runs get `absent`."""
@@ -296,7 +300,7 @@ def collected(rows: Sequence[Row], sources: tuple[str, ...]) -> BatchFit:
         half_cycles=column(_half_cycles, absent=-1),
         iterations=column(lambda _, w, __: w.solution.iterations, absent=0),
         passes=column(lambda _, w, __: w.solution.passes, absent=0),
-        engine=type(engine).__name__.lower(),
+        engine=_engine_of(problem, len(fitted)),
         sources=sources,
     )
 
