@@ -229,7 +229,10 @@ def _row(weighted: NoiseWeighted, misfit: Misfit) -> Row:
 
 
 def _engine_of(problem: Problem, runs: int) -> str:
-    """Return the name of the engine; only a single run is solved by tables."""
+    """Return the name of the engine.
+
+    Only a single run is solved by tables.
+    """
     residual = problem.residual if runs == 1 else untabulated(problem.residual)
     return type(residual.engine).__name__.lower()
 
