@@ -112,14 +112,6 @@ class TracedModel(NamedTuple):
         """Return the physical values for coordinates `y`."""
         return derive(self.residual, y)
 
-    def keep(self, evaluation: Evaluation) -> Evaluation:
-        """Return the form in which the solver keeps an evaluation."""
-        return evaluation
-
-    def kept(self, kept: Evaluation) -> Evaluation:
-        """Return the evaluation that the solver kept."""
-        return kept
-
     def nothing(self, y: Array, weights: Sequence[Array], loss: AbstractLoss) -> Evaluation:
         """Return the form of no evaluation."""
         unseen = jax.eval_shape(lambda at: self.evaluate(at, weights, loss), y)
@@ -152,11 +144,7 @@ class EvaluationPasses(AbstractPasses):
         xp, evaluation = namespace(y), self.model.evaluate(y, self.weights, self.loss)
         lost = xp.all(y == self.doubted) & self._astray(evaluation.residual)
         cost = xp.where(lost, xp.nan, evaluation.cost)
-        return Pass(cost, evaluation.gradient, evaluation.normal, self.model.keep(evaluation))
-
-    def evaluation(self, kept: Any) -> Evaluation:
-        """Return the evaluation that the solver kept."""
-        return self.model.kept(kept)
+        return Pass(cost, evaluation.gradient, evaluation.normal, evaluation)
 
     def _astray(self, r: Float[Array, " residuals"]) -> Bool[Array, ""]:
         xp = namespace(r)

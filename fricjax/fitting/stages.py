@@ -162,7 +162,7 @@ def solve_in_stages(
         )
         value, stats = _least_squares(passes, residual, limits, state.y, near, way.steps)
         steps = state.iterations + stats["num_steps"]
-        seen = passes.evaluation(stats["kept"])._replace(cost=stats["cost"], gradient=stats["gradient"])
+        seen = stats["kept"]._replace(cost=stats["cost"], gradient=stats["gradient"])
         further = xp.where(state.reach < _EVERYTHING, _EVERYTHING, xp.inf)
         onward = _State(value, stats["status"], steps, state.stages + 1, seen, further, 2 * state.reach)
         shorter = state._replace(reach=xp.maximum(state.reach / 2, state.trusted))

@@ -130,7 +130,7 @@ class TabulatedModel:
         self._latest: tuple[bytes, Any] = b"", None
         forces, layout, self._meshes = self._tables(values), None, list[Mesh]()
         for number, run in enumerate(residual.runs):
-            x0 = float(residual.parameters_of_run(values, number, run)["x0"])
+            x0 = float(self._parameters(values, number, run)["x0"])
             points = _turning_points(run, x0)
             layout = layout or choose_layout(machine, forces, points)
             meshed = functools.partial(make_mesh, machine, forces, layout=layout, check=self._checks)
@@ -147,7 +147,6 @@ class TabulatedModel:
                 elif stuck.size:
                     mesh = meshed(points)
             self._meshes.append(mesh)
-        self._kept: list[Evaluation] = []
 
     @property
     def half_cycles(self) -> list[int]:
@@ -186,18 +185,9 @@ class TabulatedModel:
         results = run_jaxpr(program, *(np.asarray(leaf, dtype=float) for leaf in leaves), y)
         return jax.tree.unflatten(jax.tree.structure(out), results)
 
-    def keep(self, evaluation: Evaluation) -> np.ndarray:
-        """Return the number by which the solver keeps an evaluation."""
-        self._kept.append(evaluation)
-        return np.asarray(len(self._kept) - 1)
-
-    def kept(self, kept: np.ndarray) -> Evaluation:
-        """Return the evaluation that the solver kept."""
-        return self._kept[int(kept)]
-
-    def nothing(self, *_: Any) -> np.ndarray:
-        """Return the number of no evaluation."""
-        return np.asarray(-1)
+    def nothing(self, *_: Any) -> Evaluation:
+        """Return the form of no evaluation."""
+        return Evaluation(*[np.nan] * len(Evaluation._fields))
 
     def _tables(self, values: Any) -> Forces:
         """Return the tables at values of the parameters."""
@@ -213,6 +203,10 @@ class TabulatedModel:
         travel = _RANGE * max(float(np.max(np.abs(engine.turning_points))) for engine in engines)
         speed = travel * np.pi / min(engine.half_period for engine in engines)
         return speed, min(travel, float(machine.restoring.largest))
+
+    def _parameters(self, values: Any, number: int, run: Run) -> dict[str, Any]:
+        """Return state and offset of a run by name, free or fixed."""
+        return {**run.fixed, **{name: values[place] for name, place in self._places[number].items()}}
 
     def _release(self, x0: Any) -> Release:
         columns = np.zeros(self._tabulation.columns)
@@ -235,8 +229,7 @@ class TabulatedModel:
         size, length = -(-n // CHUNK) * CHUNK, block_length(n)
         used = int(np.max(np.flatnonzero(weight > 0), initial=-1)) + 1
         end = -(-used // CHUNK) * CHUNK
-        places = self._places[number]
-        at = {**run.fixed, **{name: values[place] for name, place in places.items()}}
+        at, places = self._parameters(values, number, run), self._places[number]
         release = self._release(at["x0"])
         r, blocks = np.zeros(size), np.zeros((size // length, len(Block._fields) - 1 + total), np.float32)
         none: Any = np.zeros(total)
