@@ -119,6 +119,8 @@ def encoded(curves: Sequence[Curves]) -> list[bytes]:
 
 def _encoded(curves: Curves) -> Iterator[bytes]:
     """Encode one curve of each run."""
+    # Limits are float32: a larger point, which only a damaged file has, counts as missing.
+    curves = curves._replace(points=np.where(np.abs(curves.points) < np.finfo("f4").max, curves.points, np.nan))
     low, high = (np.nan_to_num(curves.extremes(which)) for which in (np.fmin, np.fmax))
     scale = np.divide(_LEVELS, high - low, out=np.zeros(low.size), where=high > low)
     levels = np.rint((curves.points - np.repeat(low, curves.sizes)) * np.repeat(scale, curves.sizes))

@@ -146,6 +146,12 @@ def test_curves_come_back_within_half_a_level():
             np.testing.assert_allclose(decoded, array, atol=1e-6 + (high - low) / 65534)
 
 
+def test_points_beyond_float32_count_as_missing():
+    damaged, clean = (Curves.of([np.array([0.0, 1.0, beyond, beyond])]) for beyond in (1e250, np.nan))
+    infinite = Curves.of([np.array([0.0, 1.0, np.inf, -np.inf])])
+    assert encoded([damaged]) == encoded([infinite]) == encoded([clean])
+
+
 def test_friction_of_half_cycles_is_that_of_a_simulated_decay():
     machine = fj.Oscillator(0.4, 2500.0, 0.4, 10.0, fj.friction.Coulomb(0.05))
     motion = fj.simulate(machine, 5e-3, np.linspace(0, 2, 200001))
