@@ -22,6 +22,7 @@ ORDER = [
     "friction",
     "oscillator",
     "tables",
+    "plain",
     "instrument",
     "rig",
     "estimation",

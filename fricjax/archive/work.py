@@ -20,9 +20,10 @@ import numpy as np
 from ..data import Record, read
 from ..data.files import gigabytes, printable
 from ..errors import DataError, UsageError
-from ..fitting.batch import Row, collected, fit_rows
+from ..fitting.batch import fit_rows
 from ..fitting.diagnostics import CONVERGED
 from ..fitting.names import of_run
+from ..fitting.run_fit import RunFit, collected
 from ..fitting.sketch import few, sketches
 from ..fitting.window import equilibrium
 from ..oscillator import one_at_a_time
@@ -122,12 +123,12 @@ class Work:
                 requests[i] = self.study.request(law, rule, load)
             except Exception as error:
                 outcomes[i] = (outcome_of(error), None)
-        groups: dict[Any, dict[int, Row]] = {}
+        groups: dict[Any, dict[int, RunFit]] = {}
         for i, row in zip(requests, fit_rows([runs[i].record for i in requests], list(requests.values())), strict=True):
-            if row.problem is None:
+            if row.rejected:
                 outcomes[i] = {"status": "rejected", "outcome": row.status.removeprefix("rejected: ")}, None
             else:
-                groups.setdefault((row.problem.names, tuple(row.problem.inputs)), {})[i] = row
+                groups.setdefault((tuple(row.units), row.inputs), {})[i] = row
         for group in groups.values():
             rigs = [self.study.rule_of(runs[i].job.file).rig for i in group]
             calibrated = [self.study.calibrated or rig is not None for rig in rigs]
@@ -201,10 +202,11 @@ def _facts_of(record: Record | Exception) -> dict[str, Any]:
     return {**facts, "sketch_t": t[chosen], "sketch_x": np.where(known, x - middle, np.nan)[chosen]}
 
 
-def _outcomes(rows: Sequence[Row], calibrated: Sequence[bool], with_residuals: bool) -> list[_Outcome]:
+def _outcomes(rows: Sequence[RunFit], calibrated: Sequence[bool], with_residuals: bool) -> list[_Outcome]:
     """Return outcomes of fitted runs, without coefficients of uncalibrated machines."""
     batch = collected(rows, ("",) * len(rows))
-    solved: Any = [(row.problem, row.weighted.solution) for row in rows if row.weighted is not None]
+    fits = [row.solved() for row in rows if row.solved is not None]
+    solved: Any = [(weighted.problem, weighted.solution) for weighted in fits]
     frame = batch.to_dataframe().drop(columns=["source", "converged", "status"])
     for name in ("half_cycles", "iterations", "passes", "sigma"):
         frame[name] = getattr(batch, name).tolist()

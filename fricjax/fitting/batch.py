@@ -1,7 +1,7 @@
 """Fit many runs independently, on all cores."""
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, NamedTuple, Unpack
@@ -18,14 +18,16 @@ from ..show.working import working
 from .assemble import unit_of
 from .batch_result import BatchFit
 from .chunks import blocks
-from .derived import UNITS, contributions, kinematics
-from .diagnostics import CONVERGED, Misfit, flags_of, misfit_of, status_of, with_faults, worst
+from .derived import contributions, kinematics
+from .diagnostics import Misfit, flags_of, misfit_of, status_of, with_faults, worst
 from .missing import advice
 from .noise_weighting import NoiseWeighted, weigh_by_noise
 from .parameters import Free, Request, RunSettings, check_known
+from .plain import plain_runs
 from .problem import Problem, build_problem
 from .rest import miscounted, solve_with_rest, stops_within
 from .result import named
+from .run_fit import RunFit, collected
 from .solve import Solution, solve_batch
 from .tabulate import untabulated
 from .warnings import warnings_of_run
@@ -33,7 +35,7 @@ from .window import NEVER
 
 
 class Row(NamedTuple):
-    """One run of a batch; a rejected run has only a status.
+    """One solved run; a rejected run has only a status.
 
     Attributes:
         status: the outcome in words.
@@ -46,16 +48,45 @@ class Row(NamedTuple):
     covariances: Covariance | None = None
     misfit: Misfit | None = None
 
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """Warnings about this run, in sentences; computed at each access."""
-        if self.problem is None or self.weighted is None or self.covariances is None or self.misfit is None:
-            return ()
-        problem, solution, covariances = self.problem, self.weighted.solution, self.covariances
-        values = named(problem.names, solution.derived.values)
+    def numbers(self, engine: str) -> RunFit:
+        """Return the numbers of the fit.
+
+        The root mean square of the residuals is exact if all samples have the same noise.
+        """
+        problem, weighted, covariances, misfit = self[1:]
+        if problem is None or weighted is None or covariances is None or misfit is None:
+            return RunFit(self.status)
+        solution, window = weighted.solution, problem.windows[0]
+        derived = solution.derived
+        values = named(problem.names, derived.values)
         errors = named(problem.names, np.sqrt(np.diag(covariances.statistical)))
-        discrepancy = advice(problem, solution, covariances, self.weighted.discrepancies)
-        return (*warnings_of_run(problem, values, errors, self.misfit, self.weighted.others), *discrepancy)
+        count = int(problem.residual.runs[0].half_cycles)
+        return RunFit(
+            status=self.status,
+            units={p.name: unit_of(p.unit, problem) for p in problem.parameters},
+            inputs=tuple(problem.inputs),
+            values=derived.values + problem.origins,
+            white=weighted.white * derived.slope,
+            covariance=covariances.statistical,
+            kinematics=[(each.value, each.std) for each in kinematics(derived, covariances).values()],
+            contributions=list(contributions(problem.names, derived, covariances).values()),
+            flags=flags_of(problem, covariances, solution),
+            warnings=(
+                *warnings_of_run(problem, values, errors, misfit, weighted.others),
+                *advice(problem, solution, covariances, weighted.discrepancies),
+            ),
+            chi2=solution.chi2,
+            dof=problem.dof,
+            residual_rms=window.stated * float(np.sqrt(solution.chi2 / problem.n_used)),
+            sigma=window.stated,
+            noise=weighted.noises[0],
+            numerical_shift=solution.numerical_shift,
+            half_cycles=-1 if count >= NEVER else count,
+            iterations=solution.iterations,
+            passes=solution.passes,
+            engine=engine,
+            solved=lambda: weighted,
+        )
 
 
 @one_blas_thread()
@@ -111,10 +142,10 @@ def fit_batch(
     order = sorted(range(len(runs)), key=lambda i: len(run) if isinstance(run := runs[i], Record) else 0)
     parts = [[order[i] for i in block] for block in blocks(len(order))]
 
-    def work(block: list[int]) -> list[Row]:
+    def work(block: list[int]) -> list[RunFit]:
         return fit_rows([runs[i] for i in block], [common.with_guess(guesses[i]) for i in block])
 
-    rows: dict[int, Row] = {}
+    rows: dict[int, RunFit] = {}
     with working("Fitting runs", len(runs)) as task, ThreadPoolExecutor(cores()) as pool:
         for block, rows_of_block in zip(parts, pool.map(work, parts), strict=True):
             rows |= dict(zip(block, rows_of_block, strict=True))
@@ -150,23 +181,28 @@ def _name(source: Any, run: Record | Exception) -> str:
 
 
 @one_at_a_time()
-def fit_rows(records: Sequence[Any], requests: Sequence[Request]) -> list[Row]:
-    """Fit runs in this thread; equal shapes share one compiled computation.
+def fit_rows(records: Sequence[Any], requests: Sequence[Request]) -> list[RunFit]:
+    """Fit runs in this thread; equal shapes share one computation.
 
     Args:
         records: a record for each run, or the `DataError` or `UsageError` raised when it was read.
         requests: one for each run. All have the same law and loss; the machines may differ.
     """
-    rows, problems = dict[int, Row](), dict[int, Problem]()
+    rows, problems = plain_runs(records, requests), dict[int, Problem]()
     for i, (record, request) in enumerate(zip(records, requests, strict=True)):
+        if i in rows:
+            continue
         try:
             if isinstance(record, Exception):
                 raise record
             problems[i] = build_problem((record,), request)
         except (DataError, UsageError) as error:
-            rows[i] = Row(f"rejected: {error}")
-    solved = solved_rows(list(problems.values()))
-    rows |= dict(zip(problems, solved, strict=True))
+            rows[i] = RunFit(f"rejected: {error}")
+    several = not alone(list(problems.values()))
+    for i, row in zip(problems, solved_rows(list(problems.values())), strict=True):
+        # Only a run that is solved alone is solved by tables.
+        residual = untabulated(problems[i].residual) if several else problems[i].residual
+        rows[i] = row.numbers(type(residual.engine).__name__.lower())
     return [rows[i] for i in range(len(records))]
 
 
@@ -226,89 +262,3 @@ def _row(weighted: NoiseWeighted, misfit: Misfit) -> Row:
     slope, normal = solution.derived.slope, solution.evaluation.normal
     covariances = covariance(solution.shape, slope, normal, weighted.variance, weighted.unsure)
     return Row(status_of(problem, solution, covariances, misfit), problem, weighted, covariances, misfit)
-
-
-def _engine_of(problem: Problem, runs: int) -> str:
-    """Return the name of the engine.
-
-    Only a single run is solved by tables.
-    """
-    residual = problem.residual if runs == 1 else untabulated(problem.residual)
-    return type(residual.engine).__name__.lower()
-
-
-def collected(rows: Sequence[Row], sources: tuple[str, ...]) -> BatchFit:
-    """Collect the rows into columns.
-
-    All runs must have the same free parameters and uncertain inputs. The root mean square of the residuals is exact if
-    all samples of a run have the same noise.
-
-    Raises:
-        UsageError: no run could be fitted.
-    """
-    fitted = [row for row in rows if row.problem is not None]
-    if not fitted:
-        raise UsageError(f"No run could be fitted. The first was {rows[0].status}")
-    problem: Any = fitted[0].problem
-    names, p = problem.names, len(problem.names)
-
-    def column(of: Callable[[Any, Any, Any], Any], shape: tuple[int, ...] = (), absent: Any = np.nan) -> np.ndarray:
-        """Evaluate `of` for each run; rejected runs get `absent`."""
-        return np.array(
-            [np.full(shape, absent) if row.problem is None else of(row.problem, row.weighted, row.covariances)
-             for row in rows]
-        )  # fmt: skip
-
-    def by_name(values: np.ndarray) -> dict[str, np.ndarray]:
-        return dict(zip(names, values.T, strict=True))
-
-    def estimates(_: Problem, weighted: NoiseWeighted, covariances: Covariance) -> list[tuple[float, float]]:
-        return [(e.value, e.std) for e in kinematics(weighted.solution.derived, covariances).values()]
-
-    def parts(problem: Problem, weighted: NoiseWeighted, covariances: Covariance) -> list[np.ndarray]:
-        return list(contributions(problem.names, weighted.solution.derived, covariances).values())
-
-    covariances = column(lambda _, __, covariances: covariances.statistical, (p, p))
-    deviations = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
-    trace = column(estimates, (len(UNITS), 2))
-    shares = column(parts, (p + len(UNITS), len(problem.inputs)))
-    return BatchFit(
-        names=names,
-        values=by_name(column(lambda p, w, _: w.solution.derived.values + p.origins, (p,))),
-        std_errors=by_name(deviations),
-        white_std_errors=by_name(column(lambda _, w, __: w.white * w.solution.derived.slope, (p,))),
-        covariance=covariances,
-        units={p.name: unit_of(p.unit, problem) for p in problem.parameters},
-        converged=np.array([row.status == CONVERGED for row in rows]),
-        status=tuple(row.status for row in rows),
-        flags=tuple(
-            {}
-            if row.problem is None or row.weighted is None or row.covariances is None
-            else flags_of(row.problem, row.covariances, row.weighted.solution)
-            for row in rows
-        ),
-        warnings=tuple(row.warnings for row in rows),
-        kinematics={name: trace[:, i, 0] for i, name in enumerate(UNITS)},
-        kinematics_std={name: trace[:, i, 1] for i, name in enumerate(UNITS)},
-        contributions={
-            name: {source: shares[:, i, j] for j, source in enumerate(problem.inputs)}
-            for i, name in enumerate((*names, *UNITS))
-        },
-        chi2=column(lambda _, w, __: w.solution.chi2),
-        dof=column(lambda p, *_: p.dof),
-        residual_rms=column(lambda p, w, _: p.windows[0].stated * np.sqrt(w.solution.chi2 / p.n_used)),
-        sigma=column(lambda p, *_: p.windows[0].stated),
-        noises=tuple(None if row.weighted is None else row.weighted.noises[0] for row in rows),
-        numerical_shift=column(lambda _, w, __: w.solution.numerical_shift),
-        half_cycles=column(_half_cycles, absent=-1),
-        iterations=column(lambda _, w, __: w.solution.iterations, absent=0),
-        passes=column(lambda _, w, __: w.solution.passes, absent=0),
-        engine=_engine_of(problem, len(fitted)),
-        sources=sources,
-    )
-
-
-def _half_cycles(problem: Problem, *_: Any) -> int:
-    """Return the number of half-cycles to the stop; -1 without one."""
-    count = int(problem.residual.runs[0].half_cycles)
-    return -1 if count >= NEVER else count

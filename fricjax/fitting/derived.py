@@ -3,6 +3,7 @@
 Kinematics are quantities that need no rig: they do not depend on the common scale of mass, stiffness and load.
 """
 
+import functools
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -14,6 +15,7 @@ from jaxtyping import Array, Float
 from ..estimation.covariance import Covariance
 from ..oscillator import Oscillator
 from ..rig import Measured
+from ..tables.interpreter import evaluate
 from .residual import Residual
 
 
@@ -61,6 +63,26 @@ def derive(residual: Residual, y: Float[Array, " coordinates"]) -> Derived:
 
     by_coordinate, (machine, values) = jax.jacfwd(quantities, has_aux=True)(y)
     return Derived(residual.values(y), slope, machine, values, by_coordinate)
+
+
+def derive_on_host(residual: Residual, y: np.ndarray) -> Derived:
+    """Return the physical values for coordinates `y`, without compilation."""
+    # Neither the engine nor the records matter.
+    few = residual._replace(engine=None, runs=())  # pyright: ignore[reportArgumentType]
+    leaves, structure = jax.tree.flatten(few)
+    program, out = _traced(structure, tuple(np.shape(leaf) for leaf in leaves), np.shape(y))
+    results = evaluate(program, *(np.asarray(leaf, dtype=float) for leaf in leaves), y)
+    return jax.tree.unflatten(jax.tree.structure(out), results)
+
+
+@functools.lru_cache(maxsize=64)
+def _traced(structure: Any, shapes: tuple[tuple[int, ...], ...], coordinates: tuple[int, ...]) -> Any:
+    number = lambda shape: jax.ShapeDtypeStruct(shape, np.float64)
+
+    def flat(*arguments: Any) -> Any:
+        return derive(jax.tree.unflatten(structure, arguments[:-1]), arguments[-1])
+
+    return jax.make_jaxpr(flat, return_shape=True)(*map(number, shapes), number(coordinates))
 
 
 def _quantities(oscillator: Oscillator) -> Float[Array, " quantities"]:

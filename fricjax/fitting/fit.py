@@ -16,6 +16,7 @@ from ..show.working import working
 from .assemble import assemble
 from .noise_weighting import weigh_by_noise
 from .parameters import Free, Prior, Request, Settings, Tied
+from .plain import solve_plain
 from .problem import Problem, build_problem
 from .rest import solve_with_rest
 from .result import Fit, FitError
@@ -122,6 +123,8 @@ def fit(
     where: Settings = {"nuisance": nuisance, "engine": engine, "start": start, "loss": loss, "noise": noise}
     settings: Settings = {**where, "bounds": bounds, "priors": priors, "tie": tie, "rig": rig, "guess": guess}
     request = Request.of(oscillator, free, **settings)
+    if len(records) == 1 and sigma_mode == "absolute" and (plain := solve_plain(records[0], request)):
+        return assemble(plain, sigma_mode)
     return concluded(*solve_with_rest(build_problem(records, request)), sigma_mode, throw)
 
 

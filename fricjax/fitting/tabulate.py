@@ -21,8 +21,7 @@ from ..oscillator.engines import AbstractEngine, AbstractPath, Demands
 from ..oscillator.oscillator import leaves_of
 from ..tables import Decay, Forces, Mesh, Tabulation, choose_layout, decay, make_mesh
 from ..tables import Start as Release
-from ..tables.interpreter import evaluate as run_jaxpr
-from .derived import Derived, derive
+from .derived import Derived, derive_on_host
 from .evaluation import CHUNK, Block, Evaluation, block_columns, block_length
 from .residual import ERRORS, Residual, Run
 from .window import NEVER, Window, equilibrium
@@ -179,11 +178,7 @@ class TabulatedModel:
 
     def derive(self, y: Any) -> Derived:
         """Return the physical values for coordinates `y`, without compilation."""
-        few = self._residual._replace(engine=None, runs=())
-        leaves, structure = jax.tree.flatten(few)
-        program, out = _deriving(structure, tuple(np.shape(leaf) for leaf in leaves), np.shape(y))
-        results = run_jaxpr(program, *(np.asarray(leaf, dtype=float) for leaf in leaves), y)
-        return jax.tree.unflatten(jax.tree.structure(out), results)
+        return derive_on_host(self._residual, y)
 
     def nothing(self, *_: Any) -> Evaluation:
         """Return the form of no evaluation."""
@@ -319,13 +314,3 @@ def _summed(
     curved = few[:, Block._fields.index("curvature")]
     blocks = np.concatenate([few, curved[:, None] * slopes], axis=1).reshape(-1, length, few.shape[1] + slopes.shape[1])
     return blocks.sum(axis=1).astype(np.float32), gather(left, slopes, loss)
-
-
-@functools.lru_cache(maxsize=64)
-def _deriving(structure: Any, shapes: tuple[tuple[int, ...], ...], coordinates: tuple[int, ...]) -> Any:
-    number = lambda shape: jax.ShapeDtypeStruct(shape, np.float64)
-
-    def flat(*arguments: Any) -> Any:
-        return derive(jax.tree.unflatten(structure, arguments[:-1]), arguments[-1])
-
-    return jax.make_jaxpr(flat, return_shape=True)(*map(number, shapes), number(coordinates))

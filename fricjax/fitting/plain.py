@@ -1,0 +1,313 @@
+"""Fits of records that are proven plain.
+
+They need no segmentation, stages or noise models; other records do.
+"""
+
+import functools
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .. import thresholds
+from ..data import Record, Segmentation
+from ..data.inspect import implausible_scale
+from ..estimation.covariance import quadratic
+from ..estimation.loss import Squares
+from ..estimation.status import CONVERGED
+from ..friction import Coulomb
+from ..oscillator.oscillator import leaves_of
+from ..oscillator.restoring import Linear
+from ..plain import COEFFICIENTS, ITERATIONS, RUN_COEFFICIENTS, PlainFits, fit_plain
+from ..show import rotary_unit
+from . import diagnostics
+from .derived import UNITS, derive_on_host
+from .evaluation import Evaluation
+from .names import NUISANCES
+from .noise import Noise
+from .noise_weighting import NoiseWeighted
+from .parameters import Request
+from .problem import problem_on
+from .rig_inputs import contradiction
+from .run_fit import RunFit
+from .solve import Solution
+from .window import ESTIMATED, NEVER, Window
+
+# Powers of the coefficients in each of the kinematic quantities, and its factor.
+_KINEMATICS = {
+    "natural_frequency": (1 / (2 * np.pi), {"stiffness": 0.5, "mass": -0.5}),
+    "damping_ratio": (0.5, {"damping": 1, "stiffness": -0.5, "mass": -0.5}),
+    "dead_band": (1, {"mu": 1, "normal_force": 1, "stiffness": -1}),
+    "friction_deceleration": (1, {"mu": 1, "normal_force": 1, "mass": -1}),
+    "drag_rate": (0, {}),
+}
+
+
+class _Even(NamedTuple):
+    """Samples at equal intervals.
+
+    Attributes:
+        x: readings [m], shape (n,).
+        interval: the interval [s].
+        lateness: largest deviation of a time from the equal intervals [s].
+        sigma: stated noise level [m], or None.
+    """
+
+    x: np.ndarray
+    interval: float
+    lateness: float
+    sigma: float | None
+
+
+class _Block(NamedTuple):
+    """Plain fits of runs with equal intervals.
+
+    Attributes:
+        numbers: numbers of the runs.
+        fits: their fits.
+        free: names of the fitted coefficients.
+        interval: interval of the samples [s].
+        sigma: noise level of each run [m]; `source`: where it comes from.
+        machine: coefficients of the machine of each run, with the fitted ones.
+    """
+
+    numbers: list[int]
+    fits: PlainFits
+    free: tuple[str, ...]
+    interval: float
+    sigma: np.ndarray
+    source: str
+    machine: dict[str, np.ndarray]
+
+
+def solve_plain(record: Record, request: Request) -> NoiseWeighted | None:
+    """Return the fit of a record that is plain, else None."""
+    return next((_solved(record, request, block, 0) for block in _blocks([record], [request])), None)
+
+
+def plain_runs(records: Sequence[Any], requests: Sequence[Request]) -> dict[int, RunFit]:
+    """Fit the runs that are plain; return their numbers.
+
+    Args:
+        records: a record for each run, or the error of reading it.
+        requests: one for each run.
+    """
+    rows = {}
+    for block in _blocks(records, requests):
+        columns = _columns(block, [records[i] for i in block.numbers])
+        leaves = {leaf.name: leaf.coefficient.unit for leaf in leaves_of(requests[block.numbers[0]].oscillator)}
+        si = {name: leaves.get(name, NUISANCES.get(name, "")) for name in (*block.free, *RUN_COEFFICIENTS)}
+        units = {
+            quantity: {name: rotary_unit(unit, quantity) for name, unit in si.items()} for quantity in ("m", "rad")
+        }
+        for place, i in enumerate(block.numbers):
+            record, request = records[i], requests[i]
+            doubts = _doubts(record, request, block, place)
+            segmentation = _segmentation(record, block, place)
+            scale = implausible_scale(segmentation, block.interval, angular=record.quantity == "rad")
+            rows[i] = RunFit(
+                status=diagnostics.CONVERGED,
+                units=units[record.quantity],
+                flags=dict.fromkeys((*block.free, *RUN_COEFFICIENTS), ()),
+                warnings=(*doubts, *scale),
+                noise=Noise(),
+                iterations=ITERATIONS,
+                passes=ITERATIONS + 1,
+                engine="exact",
+                solved=functools.partial(_solved, record, request, block, place),
+                **{name: values[place] for name, values in columns.items()},
+            )
+    return rows
+
+
+def _blocks(records: Sequence[Any], requests: Sequence[Request]) -> Iterator[_Block]:
+    """Yield the plain fits of runs of equal shape."""
+    groups: dict[Any, dict[int, _Even]] = {}
+    for i, (record, request) in enumerate(zip(records, requests, strict=True)):
+        even = _even_samples(record) if isinstance(record, Record) and _suits(request) else None
+        if even is not None:
+            key = even.x.size, even.interval, even.sigma is None, _static_of(request) is None, request.free
+            groups.setdefault(key, {})[i] = even
+    for (_, interval, unknown, tied, free), group in groups.items():
+        numbers, samples = list(group), list(group.values())
+        machines = [_coefficients_of(requests[i]) for i in numbers]
+        machine = {name: np.array([each[name] for each in machines]) for name in COEFFICIENTS}
+        sigma = None if unknown else np.array([each.sigma for each in samples], dtype=float)
+        fits = fit_plain(
+            np.stack([each.x for each in samples]),
+            interval,
+            machine,
+            free,
+            sigma,
+            np.array([each.lateness for each in samples]),
+            None if tied else np.array([_static_of(requests[i]) for i in numbers], dtype=float),
+        )
+        fitted = {name: values[fits.runs] for name, values in machine.items()}
+        fitted |= dict(zip(free, fits.values.T, strict=False))
+        # A friction coefficient of any size is plausible if the load is unknown.
+        plausible = (fitted["mu"] <= thresholds.LARGEST_MU) | (fitted["normal_force"] == 1)
+        fits, fitted = fits.only(plausible), {name: values[plausible] for name, values in fitted.items()}
+        if not fits.runs.size:
+            continue
+        level, source = (fits.noise, ESTIMATED) if sigma is None else (sigma[fits.runs], "given")
+        yield _Block([numbers[run] for run in fits.runs], fits, free, interval, level, source, fitted)
+
+
+def _even_samples(record: Record) -> _Even | None:
+    """Return the samples of a record.
+
+    None if some are missing or their noise varies.
+    """
+    trace = record.trace
+    t, x, mask = (np.asarray(each) for each in (trace.t, trace.x, trace.mask))
+    if not mask.all() or (trace.sigma is not None and np.ndim(trace.sigma)):
+        return None
+    interval = float(t[-1] - t[0]) / (t.size - 1)
+    lateness = float(np.max(np.abs(t - t[0] - interval * np.arange(t.size))))
+    return _Even(x, interval, lateness, None if trace.sigma is None else float(np.asarray(trace.sigma)))
+
+
+def _suits(request: Request) -> bool:
+    """Return True if a plain fit can answer a request."""
+    machine, law, names = request.oscillator, request.oscillator.friction, set(request.free)
+    fits = isinstance(law, Coulomb) and isinstance(machine.restoring, Linear) and float(machine.drag) == 0
+    determined = not ({"mass", "stiffness"} <= names or {"mu", "normal_force"} <= names)
+    special = (request.bounds, request.priors, request.tie, request.guess, request.rig)
+    return (
+        fits
+        and bool(names)
+        and names <= set(COEFFICIENTS)
+        and determined
+        and len(names) == len(request.free)
+        and not any(special)
+        and (request.nuisance, request.engine, request.start) == (None, "auto", "first_reversal")
+        and isinstance(request.loss, Squares)
+        and request.noise in ("auto", "white")
+    )
+
+
+def _coefficients_of(request: Request) -> dict[str, float]:
+    """Return the coefficients of the machine by name."""
+    machine: Any = request.oscillator
+    named = {name: float(getattr(machine, name)) for name in COEFFICIENTS if name != "mu"}
+    return {**named, "mu": float(machine.friction.mu)}
+
+
+def _static_of(request: Request) -> Any:
+    """Return the fixed static coefficient, or None if it equals mu."""
+    law: Any = request.oscillator.friction
+    return law.mu_s
+
+
+def _columns(block: _Block, records: Sequence[Record]) -> dict[str, np.ndarray]:
+    """Return numbers of all runs of a block."""
+    fits, p = block.fits, len(block.free)
+    squares, used = np.sum(fits.residuals**2, axis=1), fits.residuals.shape[1] - fits.at.begins[:, 0]
+    covariance = block.sigma[:, None, None] ** 2 * fits.inverse
+    values = fits.values.copy()
+    values[:, p] += [float(record.t[0]) for record in records]
+    quantities = [_kinematic(block, covariance, *_KINEMATICS[name]) for name in UNITS]
+    return {
+        "values": values,
+        "covariance": covariance,
+        "white": np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)),
+        "kinematics": np.stack(quantities, axis=1),
+        "contributions": np.zeros((len(values), p + len(RUN_COEFFICIENTS) + len(UNITS), 0)),
+        "chi2": squares / block.sigma**2,
+        "dof": used - values.shape[1],
+        "residual_rms": np.sqrt(squares / used),
+        "sigma": block.sigma,
+        "numerical_shift": fits.remaining,
+        "half_cycles": np.where(fits.at.decay.stop < NEVER, fits.at.half_cycles, -1),
+    }
+
+
+def _kinematic(block: _Block, covariance: np.ndarray, factor: float, powers: dict[str, float]) -> np.ndarray:
+    """Return a product of powers of the coefficients, and its standard error.
+
+    The shape is (runs, 2).
+    """
+    value = factor * np.prod([block.machine[name] ** power for name, power in powers.items()], axis=0)
+    value = np.broadcast_to(value, block.sigma.shape)
+    slope = np.zeros((value.size, covariance.shape[1]))
+    for place, name in enumerate(block.free):
+        slope[:, place] = powers.get(name, 0) * value / block.machine[name]
+    return np.stack([value, np.sqrt(np.einsum("ri,rij,rj->r", slope, covariance, slope))], axis=1)
+
+
+def _doubts(record: Record, request: Request, block: _Block, place: int) -> tuple[str, ...]:
+    """Return the assumptions that were made about record and machine."""
+    period = np.pi / float(block.fits.at.decay.omega[place])
+    return (*record.doubts, *contradiction(request.oscillator, period))
+
+
+def _segmentation(record: Record, block: _Block, place: int) -> Segmentation:
+    """Return reversals, rest and noise of a record, from its fit."""
+    at, noise, t0 = block.fits.at, float(block.fits.noise[place]), float(record.t[0])
+    decay, count = at.decay.of(place), int(at.half_cycles[place])
+    period = np.pi / float(decay.omega)
+    stops = decay.stop < NEVER
+    times = t0 + float(decay.t0) + period * np.arange(count + 1)
+    points = (at.sides[place] * at.amplitudes.value[place])[: count + 1] + float(decay.offset)
+    # The last one is the stop, or lies behind the record.
+    return Segmentation(
+        noise=noise,
+        resolution=0.0,
+        release=max(float(times[0]) - period, t0),
+        turning_times=times[:-1] if stops or times[-1] > record.t[-1] else times,
+        turning_points=points[:-1] if stops or times[-1] > record.t[-1] else points,
+        rest=float(times[-1]) if stops else None,
+        rest_position=float(points[-1]) if stops else None,
+        n_half_cycles=count + 1,
+        amplitude=abs(float(decay.x0)),
+        half_period=period,
+        white_noise=noise,
+    )
+
+
+def _solved(record: Record, request: Request, block: _Block, place: int) -> NoiseWeighted:
+    """Return the solved problem of one plain fit."""
+    fits, at, p = block.fits, block.fits.at, len(block.free)
+    segmentation = _segmentation(record, block, place)
+    begin, sigma, n = int(at.begins[place, 0]), float(block.sigma[place]), record.t.size
+    origin, first = float(record.t[begin]), float(segmentation.turning_times[0])
+    used, values = np.arange(n) >= begin, fits.values[place].copy()
+    values[p] += float(record.t[0]) - origin
+    stopped = np.inf if segmentation.rest is None else segmentation.rest
+    state = dict(zip(RUN_COEFFICIENTS, map(float, values[p:]), strict=True))
+    window = Window(
+        trace=record.trace,
+        quantity=record.quantity,
+        segmentation=segmentation,
+        origin=origin,
+        t_start=first,
+        used=used,
+        moving=used & (record.t <= stopped),
+        repeated=np.zeros(n, bool),
+        sigma=np.full(n, sigma),
+        sigma_source=block.source,
+        half_cycles=int(at.half_cycles[place]) if segmentation.rest is not None else NEVER,
+        nuisances=RUN_COEFFICIENTS,
+        guesses={**state, "v0": 0.0, "drift": 0.0, "z0": 1.0},
+        doubts=_doubts(record, request, block, place),
+        name=record.name,
+    )
+    problem = problem_on((window,), request)
+    space = problem.residual.space
+    y = space.coordinates(values)
+    slope = np.asarray(space.slope(y))
+    normal = slope[:, None] * fits.normal[place] * slope / sigma**2
+    gradient = -slope * fits.gradient[place] / sigma**2
+    residual = np.zeros(problem.residual.runs[0].t.size)
+    residual[:n] = -fits.residuals[place] / sigma
+    chi2 = float(residual @ residual)
+    points = (at.sides[place] * at.amplitudes.value[place])[: int(at.half_cycles[place]) + 1]
+    shape = quadratic(gradient, normal, np.zeros(y.size, bool))
+    joined = np.concatenate([residual, np.zeros(y.size)])
+    evaluation = Evaluation(joined, chi2, chi2 / 2, gradient, normal, None, [points], [])
+    solution = Solution(
+        y, evaluation, derive_on_host(problem.residual, y), shape, float(fits.remaining[place]), CONVERGED,
+        ITERATIONS, ITERATIONS + 1, 1,
+    )  # fmt: skip
+    white = np.sqrt(np.diag(shape.inverse))
+    return NoiseWeighted(problem, solution, 1.0, 1.0, white, (Noise(),), np.zeros((y.size, y.size)))
