@@ -274,7 +274,8 @@ def _solved(record: Record, request: Request, block: _Block, place: int) -> Nois
     used, values = np.arange(n) >= begin, fits.values[place].copy()
     values[p] += float(record.t[0]) - origin
     stopped = np.inf if segmentation.rest is None else segmentation.rest
-    state = dict(zip(RUN_COEFFICIENTS, map(float, values[p:]), strict=True))
+    state = dict(zip(RUN_COEFFICIENTS, map(float, fits.start[place][p:]), strict=True))
+    state["t_release"] += float(record.t[0]) - origin
     window = Window(
         trace=record.trace,
         quantity=record.quantity,

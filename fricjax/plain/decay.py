@@ -7,8 +7,9 @@ With the dead band ``d``, the decay rate ``z``, ``omega^2 = w - z^2`` and ``T = 
     a_{n+1} = rho a_n - (1 + rho) d,    rho = exp(-z T),    s_{n+1} = -s_n,
 
 where ``tau`` is the time since the reversal (Lorenz 1924; Markho 1980, J. Dyn. Sys. Meas. Control 102). Every
-derivative in a half-cycle is a combination of 1, C, S, t C and t S with ``C = exp(-z t) cos omega t`` and ``S`` likewise. So the
-samples are multiplied by these five functions once, and the normal equations follow from small matrices.
+derivative in a half-cycle is a combination of 1, C, S, t C and t S with ``C = exp(-z t) cos omega t`` and ``S``
+likewise. So the samples are multiplied by these five functions once, and the normal equations follow from small
+matrices.
 """
 
 from typing import Any, NamedTuple
@@ -126,7 +127,8 @@ class Evaluation(NamedTuple):
         residual, places = np.zeros((n_runs, n + 1)), np.arange(self.residual.shape[2])
         index = np.where(places < self.counts[:, :, None], self.begins[:, :-1, None] + places, n)
         signed = self.residual * self.side[:, :, None]
-        np.put_along_axis(residual, index.reshape(n_runs, -1), signed.reshape(n_runs, -1), axis=1)
+        size = n_runs, index.shape[1] * index.shape[2]
+        np.put_along_axis(residual, index.reshape(size), signed.reshape(size), axis=1)
         for run in np.flatnonzero(self.decay.stop < NEVER):
             count = self.half_cycles[run]
             end = self.side_after[run] * self.amplitudes.value[run, count] + self.decay.offset[run]
@@ -184,13 +186,13 @@ def evaluate(x: np.ndarray, dt: float, decay: FreeDecay, first: np.ndarray) -> E
     omega, z, rows = decay.omega, decay.decay_rate, np.arange(n_runs)
     period = np.pi / omega
     count = np.minimum(decay.stop, np.floor((n * dt - decay.t0) / period) + 1).astype(int)
-    order = np.arange(int(count.max()) + 1)
+    order = np.arange(int(count.max(initial=1)) + 1)
     amplitudes = amplitudes_of(decay, order[-1])
     begins = np.ceil((decay.t0[:, None] + order * period[:, None]) / dt - 1e-9).astype(int)
     begins[:, 0] = first
     begins = np.minimum(np.where(order <= count[:, None], begins, begins[rows, count][:, None]), n)
     counts, side = np.diff(begins, axis=1), np.sign(decay.x0)[:, None] * (-1.0) ** order[:-1]
-    places = np.arange(int(counts.max()))
+    places = np.arange(int(counts.max(initial=1)))
     basis = _basis(places * dt, omega, z)
     late = begins[:, :-1] * dt - decay.t0[:, None] - order[:-1] * period[:, None]
     model, columns = _combinations(decay, amplitudes, side, late)
@@ -213,7 +215,8 @@ def evaluate(x: np.ndarray, dt: float, decay: FreeDecay, first: np.ndarray) -> E
 
 def _by_column(values: np.ndarray) -> np.ndarray:
     """Return an array of shape (runs, columns, half_cycles * functions)."""
-    return values.transpose(0, 2, 1, 3).reshape(len(values), values.shape[2], -1)
+    runs, half_cycles, columns, functions = values.shape
+    return values.transpose(0, 2, 1, 3).reshape(runs, columns, half_cycles * functions)
 
 
 def _basis(t: np.ndarray, omega: np.ndarray, z: np.ndarray) -> np.ndarray:

@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .decay import Evaluation, FreeDecay, evaluate
+from .. import thresholds
+from .decay import NEVER, Evaluation, FreeDecay, evaluate
 from .proof import limit, refusals, unfinished
 from .start import rough_decays
 
@@ -23,6 +24,8 @@ _STEPS = 3
 ITERATIONS = _STEPS + 1
 """Gauss-Newton steps of a fit."""
 
+# Largest number of times that the number of half-cycles changes by one.
+_COUNTS = 3
 # Samples of a half-cycle for these steps.
 _FEW = 12
 _STRIDE = 8
@@ -35,6 +38,7 @@ class PlainFits(NamedTuple):
         runs: indices of these runs.
         values: fitted coefficients of the machine in the order of the names, then those of the run: time of the first
             reversal from the first sample [s], deflection there [m] and offset [m], shape (runs, names + 3).
+        start: rough values, same shape.
         inverse: inverse of J'J for `values`, without the noise, shape (runs, names + 3, names + 3).
         normal: J'J, same shape.
         gradient: J'r, shape (runs, names + 3).
@@ -47,6 +51,7 @@ class PlainFits(NamedTuple):
 
     runs: np.ndarray
     values: np.ndarray
+    start: np.ndarray
     inverse: np.ndarray
     normal: np.ndarray
     gradient: np.ndarray
@@ -96,29 +101,30 @@ def fit_plain(
     # A run that is not plain may lead anywhere; its numbers are not used.
     with np.errstate(all="ignore"):
         runs, rough = rough_decays(x, dt)
-        block = _Block(runs, {name: each[runs] for name, each in machine.items()}, tuple(free), rough.stop)
-        values = block.start(rough)
-        shortest = np.pi / np.sqrt(np.max(rough.omega2, initial=1e-300))
-        stride = int(np.clip(shortest / dt / _FEW, 1, _STRIDE))
-        for _ in range(_STEPS if runs.size else 0):
-            values = values + block.solve(x[runs, ::stride], dt * stride, values).step
-        block, values = block.only(block.allowed(values)), values[block.allowed(values)]
-        runs = block.runs
-        if not runs.size:
-            p = values.shape[1]
-            none = np.zeros((0, p, p))
-            return PlainFits(runs, values, none, none, values, runs, runs, x[runs], None, {})
-        values = values + block.solve(x[runs], dt, values).step
-        solved = block.solve(x[runs], dt, values)
+        block = _Block.of(runs, {name: each[runs] for name, each in machine.items()}, tuple(free), rough)
+        stride = int(np.clip(np.min(block.period, initial=np.inf) / dt / _FEW, 1, _STRIDE))
+        few = x[:, ::stride]
+        for _ in range(_COUNTS):
+            for _ in range(_STEPS):
+                block = block.stepped(few, dt * stride)
+            block, changed = block.with_best_stop(few, dt * stride)
+            if not changed.any():
+                break
+        block = block.only(block.second_best > 0).stepped(x, dt)
+        if not block.runs.size:
+            runs, none, matrices = block.runs, block.values, np.zeros((0, *2 * block.values.shape[1:]))
+            return PlainFits(runs, none, none, matrices, matrices, none, runs, runs, none, None, {})
+        runs, values, solved = block.runs, block.values, block.solve(x, dt)
         sigma, lateness, static = (None if each is None else each[runs] for each in (sigma, lateness, static))
         failed, noise, residuals = refusals(x[runs], dt, solved.at, sigma, lateness)
         errors = noise[:, None] * solved.errors
-        failed |= unfinished(solved.at, solved.step, errors, *block.static_band(solved, values, static, noise))
-        failed["bounds"] = ~block.allowed(values - limit() * errors)
+        failed |= unfinished(solved.at, solved.step, errors, *block.static_band(solved, static, noise))
+        failed["number of half-cycles"] = ~(block.second_best > thresholds.DECISIVE * noise**2)
+        failed["bounds"] = ~block._replace(values=values - limit() * errors).allowed
         remaining = np.sqrt(np.sum(solved.step * solved.gradient, axis=1)) / noise
     fits = PlainFits(
-        runs, values, solved.inverse, solved.normal, solved.gradient, remaining, noise, residuals, solved.at,
-        {name: runs[where] for name, where in failed.items()},
+        runs, values, block.start, solved.inverse, solved.normal, solved.gradient, remaining, noise, residuals,
+        solved.at, {name: runs[where] for name, where in failed.items()},
     )  # fmt: skip
     return fits.only(~np.any(list(failed.values()), axis=0))
 
@@ -140,30 +146,37 @@ class _Solved(NamedTuple):
 
 
 class _Block(NamedTuple):
-    """Runs with the coefficients of their machines.
+    """Runs on the way to their optimum.
 
     Attributes:
-        runs: their indices.
+        runs: indices of the runs.
         machine: coefficients of the machine of each run.
         free: names of the fitted ones.
+        period: rough duration of a half-cycle [s].
         stop: number of half-cycles until the mass stops.
+        values: values of the fitted coefficients of machine and run, shape (runs, names + 3).
+        start: those of the rough decay.
+        second_best: rise of the sum of squares with the next best number of half-cycles [m^2]; inf without a stop.
     """
 
     runs: np.ndarray
     machine: Mapping[str, np.ndarray]
     free: tuple[str, ...]
+    period: np.ndarray
     stop: np.ndarray
+    values: np.ndarray
+    start: np.ndarray
+    second_best: np.ndarray
 
-    def only(self, which: np.ndarray) -> "_Block":
-        machine = {name: values[which] for name, values in self.machine.items()}
-        return _Block(self.runs[which], machine, self.free, self.stop[which])
-
-    def start(self, rough: FreeDecay) -> np.ndarray:
-        """Return the values at which the machine has the rough decay."""
-        m = dict(self.machine)
-        if "mass" in self.free:
+    @classmethod
+    def of(
+        cls, runs: np.ndarray, machine: Mapping[str, np.ndarray], free: tuple[str, ...], rough: FreeDecay
+    ) -> "_Block":
+        """Return the runs with the values of the rough decay."""
+        m = dict(machine)
+        if "mass" in free:
             m["mass"] = m["stiffness"] / rough.omega2
-        elif "stiffness" in self.free:
+        elif "stiffness" in free:
             m["stiffness"] = m["mass"] * rough.omega2
         friction = rough.dead_band * m["stiffness"]
         starts = {
@@ -172,25 +185,70 @@ class _Block(NamedTuple):
             "mu": friction / m["normal_force"],
             "normal_force": friction / m["mu"],
         }
-        return np.stack([*(starts[name] for name in self.free), rough.t0, rough.x0, rough.offset], axis=1)
+        values = np.stack([*(starts[name] for name in free), rough.t0, rough.x0, rough.offset], axis=1)
+        return cls(runs, machine, free, np.pi / rough.omega, rough.stop, values, values, np.zeros(runs.size))
 
-    def at(self, values: np.ndarray) -> dict[str, np.ndarray]:
-        """Return all coefficients of the machines at these values."""
-        return {**self.machine, **dict(zip(self.free, values.T, strict=False))}
+    def only(self, which: np.ndarray) -> "_Block":
+        """Return some of the runs."""
+        few = {name: each[which] for name, each in self._asdict().items() if isinstance(each, np.ndarray)}
+        return self._replace(**few, machine={name: values[which] for name, values in self.machine.items()})
 
-    def allowed(self, values: np.ndarray) -> np.ndarray:
-        """Return True for runs with finite values and positive coefficients that oscillate."""
-        m = self.at(values)
-        positive = np.all([m[name] > 0 for name in self.free], axis=0)
-        oscillates = m["stiffness"] * m["mass"] > m["damping"] ** 2 / 4
-        return positive & oscillates & np.all(np.isfinite(values), axis=1)
+    @property
+    def coefficients(self) -> dict[str, np.ndarray]:
+        """All coefficients of the machines."""
+        return {**self.machine, **dict(zip(self.free, self.values.T, strict=False))}
 
-    def solve(self, x: np.ndarray, dt: float, values: np.ndarray) -> _Solved:
-        """Linearise least squares about these values."""
-        m = self.at(values)
-        mass, stiffness, friction = m["mass"], m["stiffness"], m["normal_force"] * m["mu"]
-        omega2, rate, band = stiffness / mass, m["damping"] / (2 * mass), friction / stiffness
-        decay = FreeDecay._make([*values[:, -3:].T, omega2, rate, band, self.stop])
+    @property
+    def decay(self) -> FreeDecay:
+        m = self.coefficients
+        band = m["mu"] * m["normal_force"] / m["stiffness"]
+        return FreeDecay._make(
+            [*self.values[:, -3:].T, m["stiffness"] / m["mass"], m["damping"] / (2 * m["mass"]), band, self.stop]
+        )
+
+    @property
+    def allowed(self) -> np.ndarray:
+        """True for positive coefficients near the rough decay."""
+        decay = self.decay
+        ratio = np.pi / decay.omega / self.period
+        near = (ratio > 0.5) & (ratio < 2) & (decay.t0 >= 0) & np.isfinite(decay.x0)
+        return near & np.all(self.values[:, : len(self.free)] > 0, axis=1)
+
+    def stepped(self, x: np.ndarray, dt: float) -> "_Block":
+        """Return the runs after a step, without those it leads astray.
+
+        Args:
+            x: readings of all runs [m].
+            dt: their interval [s].
+        """
+        moved = self._replace(values=self.values + self.solve(x, dt).step)
+        return moved.only(moved.allowed)
+
+    def with_best_stop(self, x: np.ndarray, dt: float) -> tuple["_Block", np.ndarray]:
+        """Return runs with the best number of half-cycles, and where it changes.
+
+        One more and one less are evaluated as well; their sums of squares are predicted after a Gauss-Newton step.
+        Arguments as for `stepped`.
+        """
+        stops, squares, stopping = [], [], self.stop < NEVER
+        for change in (-1, 0, 1):
+            rival = self._replace(stop=np.where(stopping, np.maximum(self.stop + change, 1), NEVER))
+            solved = rival.solve(x, dt)
+            left = np.sum(solved.at.of_samples(x[self.runs]) ** 2, axis=1)
+            left = left - np.sum(solved.step * solved.gradient, axis=1)
+            stops.append(rival.stop)
+            squares.append(np.where(np.isfinite(left), left, np.inf))
+        stop = np.choose(np.argmin(squares, axis=0), stops)
+        least, second = np.sort(squares, axis=0)[:2]
+        rise = np.where(stopping, second - least, np.inf)
+        changed = stop != self.stop
+        return self._replace(stop=stop, second_best=np.where(changed, 0.0, rise)), changed
+
+    def solve(self, x: np.ndarray, dt: float) -> _Solved:
+        """Linearise least squares; arguments as for `stepped`."""
+        m, decay = self.coefficients, self.decay
+        mass, stiffness = m["mass"], m["stiffness"]
+        omega2, rate, band = decay.omega2, decay.decay_rate, decay.dead_band
         slopes = {
             "mass": (-omega2 / mass, -rate / mass, 0.0),
             "stiffness": (1 / mass, 0.0, -band / stiffness),
@@ -199,12 +257,12 @@ class _Block(NamedTuple):
             "mu": (0.0, 0.0, m["normal_force"] / stiffness),
         }
         p = len(self.free)
-        jacobian = np.zeros((len(values), 6, p + 3))
+        jacobian = np.zeros((self.runs.size, 6, p + 3))
         jacobian[:, np.arange(3), np.arange(p, p + 3)] = 1.0
         for place, name in enumerate(self.free):
             for row, slope in enumerate(slopes[name]):
                 jacobian[:, 3 + row, place] = slope
-        at = evaluate(x, dt, decay, np.ceil(decay.t0 / dt).astype(int))
+        at = evaluate(x[self.runs], dt, decay, np.ceil(decay.t0 / dt).astype(int))
         turned = jacobian.transpose(0, 2, 1)
         normal = turned @ at.normal @ jacobian
         scale = 1 / np.sqrt(np.diagonal(normal, axis1=1, axis2=2))
@@ -215,13 +273,13 @@ class _Block(NamedTuple):
         return _Solved(at, jacobian, normal, gradient, inverse, (inverse @ gradient[..., None])[..., 0])
 
     def static_band(
-        self, solved: _Solved, values: np.ndarray, static: np.ndarray | None, noise: np.ndarray
+        self, solved: _Solved, static: np.ndarray | None, noise: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the static dead band of each run [m].
 
         The second array is the standard error of the distance of the last turning point to it [m].
         """
-        at, m, rows = solved.at, self.at(values), np.arange(len(values))
+        at, m, rows = solved.at, self.coefficients, np.arange(self.runs.size)
         value, *slopes = (each[rows, at.half_cycles] for each in at.amplitudes)
         by_x0, by_omega2, by_rate, by_band = slopes
         # A fixed static coefficient has no error.

@@ -10,7 +10,7 @@ from .decay import NEVER, FreeDecay
 # Means of blocks of samples show the turning points as well as all samples.
 _BLOCKS = 1024
 # Least number of turning points, and change beyond a turning point as a part of the range.
-_FEWEST, _BEYOND = 5, 0.1
+_FEWEST, _BEYOND = 3, 0.05
 # Largest deviation of a half-cycle from the mean, as a part of it.
 _UNEVEN = 0.12
 _LONGEST = 2000
@@ -45,8 +45,9 @@ def rough_decays(x: np.ndarray, dt: float) -> tuple[np.ndarray, FreeDecay]:
 def _rough_decay(x: np.ndarray, dt: float, duration: float) -> tuple[float, ...] | None:
     """Return the rough coefficients of one run."""
     half = x.size // 2
-    turns = 2 * np.array(_turning_points(x[: 2 * half : 2].tolist(), _BEYOND * float(np.ptp(x)))[1:], dtype=int)
-    turns = turns[(turns > 2) & (turns < x.size - 3)]
+    turns = 2 * np.array(_turning_points(x[: 2 * half : 2].tolist(), _BEYOND * float(np.ptp(x))), dtype=int)
+    turns = turns[turns < x.size - 3]
+    turns = turns[0 if _approached(x, turns) else 1 :]
     if turns.size < _FEWEST:
         return None
     # A parabola through the points about each turning point.
@@ -76,6 +77,18 @@ def _rough_decay(x: np.ndarray, dt: float, duration: float) -> tuple[float, ...]
     stop = NEVER if t[0] + stop * period > duration - 8 * dt else stop
     start = float(np.sign(point[0] - offset) * swing[0])
     return float(t[0]) - dt / 2, start, offset, (np.pi / period) ** 2 + z**2, z, band, stop
+
+
+def _approached(x: np.ndarray, turns: np.ndarray) -> bool:
+    """Return True if the mass swings to the first turning point.
+
+    A quarter of a half-cycle before it, the deflection is then 71 % of the largest, and 100 % if the mass is held.
+    """
+    if turns.size < 2:
+        return False
+    before = round((turns[-1] - turns[0]) / (turns.size - 1) / 4)
+    middle = (x[turns[0]] + x[turns[1]]) / 2
+    return bool(turns[0] >= before and abs(x[turns[0] - before] - middle) < 0.85 * abs(x[turns[0]] - middle))
 
 
 def _stop(swing: float, rho: float, band: float) -> int:
