@@ -136,7 +136,9 @@ DISTURBED = {
     "lines": motion() + WHITE + NOISE * np.sin(2 * np.pi * 50 * T),
     "slow motion": motion() + WHITE + NOISE * T / T[-1],
     "time": motion() + WHITE * (0.6 + 0.8 * T / T[-1]),
-    "speed": motion() + WHITE + 1e-7 * RATE * RANDOM.standard_normal(SAMPLES) * np.diff(motion(), append=0.0),
+    "speed": motion()
+    + WHITE
+    + 1e-7 * np.asarray(np.diff(motion(), append=0.0)) * RATE * RANDOM.standard_normal(SAMPLES),
     "phase": motion() + WHITE + 1e-4 * motion() * (motion() / X0) ** 2,
 }
 
