@@ -195,7 +195,10 @@ def solve_on_host(
         ends_in_motion = any(run.half_cycles >= NEVER for run in residual.runs)
         for _ in range(_ROUNDS if ends_in_motion and way.steps > 1 else 0):
             before = model.half_cycles
-            if not np.all(np.isfinite(at.y)) or (model := TabulatedModel(residual, at.y)).half_cycles == before:
+            if model.settled or not np.all(np.isfinite(at.y)):
+                break
+            model = TabulatedModel(residual, at.y)
+            if model.half_cycles == before:
                 break
             way = CONTINUE._replace(tolerance=way.tolerance)
             then = solve_in_stages(residual, stage_weights, limits, loss, at.y, way, model)

@@ -19,7 +19,7 @@ from ..estimation.passes import Pass, gather
 from ..oscillator import Motion, Oscillator, Start
 from ..oscillator.engines import AbstractEngine, AbstractPath, Demands
 from ..oscillator.oscillator import leaves_of
-from ..tables import Decay, Forces, Mesh, Tabulation, choose_layout, decay, make_mesh
+from ..tables import Decay, Forces, Mesh, Tabulation, choose_layout, decay, make_mesh, reversals
 from ..tables import Start as Release
 from .derived import Derived, derive_on_host
 from .evaluation import CHUNK, Block, Evaluation, block_columns, block_length
@@ -128,6 +128,8 @@ class TabulatedModel:
         self._tabulation = Tabulation(machine, [names[leaf] for leaf in leaves], *self._reach(machine))
         self._latest: tuple[bytes, Any] = b"", None
         forces, layout, self._meshes = self._tables(values), None, list[Mesh]()
+        # Half-cycles behind the stop of the law are left out, and no run has reached that stop.
+        self._shortened, self._stuck = False, False
         for number, run in enumerate(residual.runs):
             x0 = float(self._parameters(values, number, run)["x0"])
             points = _turning_points(run, x0)
@@ -135,17 +137,25 @@ class TabulatedModel:
             meshed = functools.partial(make_mesh, machine, forces, layout=layout, check=self._checks)
             mesh = meshed(points)
             if int(run.half_cycles) >= NEVER or machine.friction.kink_speeds:
-                first = decay(forces, mesh, self._release(x0), np.asarray(run.t)[-1:], True, _ITERATIONS)
+                first = reversals(forces, mesh, x0, _ITERATIONS)
                 # A law that stops before the end of a record in motion rests there.
                 stuck = np.flatnonzero(~(first.excess[1:-1] > 0))
                 points = points[: int(stuck[0]) + 2] if stuck.size else points
+                self._shortened |= bool(stuck.size)
                 if machine.friction.kink_speeds:
                     # Panels meet at the kinks of the motion, which the turning points give only roughly.
                     known = mesh._replace(amplitudes=first.amplitudes[: points.size - 1])
                     mesh = meshed(points, previous=known)
                 elif stuck.size:
                     mesh = meshed(points)
+                else:
+                    mesh = mesh._replace(amplitudes=first.amplitudes)
             self._meshes.append(mesh)
+
+    @property
+    def settled(self) -> bool:
+        """True if the law allows all half-cycles until the end of the records."""
+        return not (self._shortened or self._stuck)
 
     @property
     def half_cycles(self) -> list[int]:
@@ -160,7 +170,7 @@ class TabulatedModel:
             weights: weights of the samples of each run, shape (samples,).
             loss: loss of the residuals.
         """
-        residual, total = self._residual, y.size
+        residual, total, self._stuck = self._residual, y.size, False
         values, slope = (of(y[: residual.n_parameters]) for of in (self._values, self._slope))
         forces = self._tables(values)
         parts = [
@@ -239,6 +249,7 @@ class TabulatedModel:
             motion = decay(forces, self._meshes[number], release, t - at["t_release"], True, _ITERATIONS)
             self._meshes[number] = self._meshes[number]._replace(amplitudes=motion.amplitudes)
             good = 1.0 if motion.resolved else np.nan
+            self._stuck |= int(run.half_cycles) >= NEVER and not np.all(motion.excess[1:-1] > 0)
             reading = good * motion.x + at["offset"] + at["drift"] * t
             columns = self._columns(motion, reading, at, t, slope, places, total)
             left, slopes = w * (reading - x), w[:, None] * columns

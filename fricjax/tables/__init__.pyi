@@ -1,4 +1,4 @@
-from .decay import Decay, Quality, decay
+from .decay import Decay, Quality, Reversals, decay, reversals
 from .forces import Forces, Tabulation, tabulate
 from .layout import Layout, choose_layout
 from .mesh import Mesh, make_mesh
@@ -11,6 +11,7 @@ __all__ = [
     "Layout",
     "Mesh",
     "Quality",
+    "Reversals",
     "Size",
     "Start",
     "Tabulation",
@@ -19,6 +20,7 @@ __all__ = [
     "error",
     "make_mesh",
     "padded",
+    "reversals",
     "solve",
     "tabulate",
 ]

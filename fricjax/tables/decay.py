@@ -34,6 +34,22 @@ class Quality(NamedTuple):
     travel: Any
 
 
+class Reversals(NamedTuple):
+    """Turning points of a decay.
+
+    Attributes:
+        turning_points, excess, amplitudes: as in a `Decay`.
+
+    Examples:
+        >>> Reversals._fields
+        ('turning_points', 'excess', 'amplitudes')
+    """
+
+    turning_points: Values
+    excess: Values
+    amplitudes: Values
+
+
 class Decay(NamedTuple):
     """Motion at the samples, turning points and quality of a decay.
 
@@ -118,6 +134,24 @@ def decay(
     resolved = (quality.speed <= 1) & (quality.travel <= 1)
     resolved &= (quality.correction <= LARGEST_CORRECTION) & (quality.phase_rate >= _SLOWEST_PHASE)
     return Decay(x, v, columns, turning_points, excess, nodes.duration, state.amplitudes, resolved, quality)
+
+
+def reversals(forces: Forces, mesh: Mesh, x0: Any, iterations: Any = 6, xp: Any = np) -> Reversals:
+    """Return the turning points of a decay, without samples and columns.
+
+    The arguments are those of :func:`decay`; `x0` is the initial displacement [m].
+
+    Examples:
+        >>> import fricjax as fj
+        >>> from fricjax.tables import make_mesh, tabulate
+        >>> machine = fj.Oscillator(0.1, 1000.0, 0.0, 10.0, fj.friction.Coulomb(0.01))
+        >>> forces = tabulate(machine, ["mu"], speed=0.2, travel=2e-3)
+        >>> mesh = make_mesh(machine, forces, [1e-3, -0.8e-3, 0.6e-3])
+        >>> reversals(forces, mesh, 1e-3).turning_points.round(6).tolist()
+        [0.001, -0.0008, 0.0006]
+    """
+    state = iterate(xp, forces, mesh, mesh.side[0] * charted(xp, mesh, x0) - mesh.centre[0], iterations)
+    return Reversals(*_rest_condition(xp, forces, mesh, state.rates), state.amplitudes)
 
 
 def _rest_condition(xp: Any, forces: Forces, mesh: Mesh, rates: Rates) -> tuple[Any, Any]:

@@ -127,18 +127,17 @@ def test_plain_records_pass_with_honest_errors():
 
 RANDOM = np.random.default_rng(5)
 WHITE = NOISE * RANDOM.standard_normal(SAMPLES)
+JITTER = np.asarray(np.diff(motion(), append=0.0)) * RATE * RANDOM.standard_normal(SAMPLES)
 DISTURBED = {
     "size": motion() + 1.2 * WHITE,
     "neighbours": motion() + lfilter([1.0], [1.0, -0.3], WHITE),
-    "memory at all lags": motion() + WHITE + 0.5 * lfilter([0.1], [1.0, -0.995], WHITE),
+    "memory at all lags": motion() + WHITE + lfilter([0.05], [1.0, -0.995], WHITE),
     "outliers": motion() + WHITE + 50e-9 * (np.arange(SAMPLES) == 3000),
     "repeated samples": 10e-9 * np.round((motion() + WHITE) / 10e-9),
     "lines": motion() + WHITE + NOISE * np.sin(2 * np.pi * 50 * T),
     "slow motion": motion() + WHITE + NOISE * T / T[-1],
     "time": motion() + WHITE * (0.6 + 0.8 * T / T[-1]),
-    "speed": motion()
-    + WHITE
-    + 1e-7 * np.asarray(np.diff(motion(), append=0.0)) * RATE * RANDOM.standard_normal(SAMPLES),
+    "speed": motion() + WHITE + 1e-7 * JITTER,
     "phase": motion() + WHITE + 1e-4 * motion() * (motion() / X0) ** 2,
 }
 
