@@ -43,6 +43,9 @@ _KINEMATICS = {
 }
 
 
+_AT_REST = {"t_release": 0.0, "v0": 0.0, "drift": 0.0, "z0": 1.0}
+
+
 class _Even(NamedTuple):
     """Samples at equal intervals.
 
@@ -51,12 +54,14 @@ class _Even(NamedTuple):
         interval: the interval [s].
         lateness: largest deviation of a time from the equal intervals [s].
         sigma: stated noise level [m], or None.
+        release: time from the first sample to the release [s], or None if it is fitted.
     """
 
     x: np.ndarray
     interval: float
     lateness: float
     sigma: float | None
+    release: float | None
 
 
 class _Block(NamedTuple):
@@ -65,7 +70,7 @@ class _Block(NamedTuple):
     Attributes:
         numbers: numbers of the runs.
         fits: their fits.
-        free: names of the fitted coefficients.
+        free: names of the fitted coefficients of the machine; `of_run`: those of the run.
         interval: interval of the samples [s].
         sigma: noise level of each run [m]; `source`: where it comes from.
         machine: coefficients of the machine of each run, with the fitted ones.
@@ -74,6 +79,7 @@ class _Block(NamedTuple):
     numbers: list[int]
     fits: PlainFits
     free: tuple[str, ...]
+    of_run: tuple[str, ...]
     interval: float
     sigma: np.ndarray
     source: str
@@ -96,7 +102,7 @@ def plain_runs(records: Sequence[Any], requests: Sequence[Request]) -> dict[int,
     for block in _blocks(records, requests):
         columns = _columns(block, [records[i] for i in block.numbers])
         leaves = {leaf.name: leaf.coefficient.unit for leaf in leaves_of(requests[block.numbers[0]].oscillator)}
-        si = {name: leaves.get(name, NUISANCES.get(name, "")) for name in (*block.free, *RUN_COEFFICIENTS)}
+        si = {name: leaves.get(name, NUISANCES.get(name, "")) for name in (*block.free, *block.of_run)}
         units = {
             quantity: {name: rotary_unit(unit, quantity) for name, unit in si.items()} for quantity in ("m", "rad")
         }
@@ -108,7 +114,7 @@ def plain_runs(records: Sequence[Any], requests: Sequence[Request]) -> dict[int,
             rows[i] = RunFit(
                 status=diagnostics.CONVERGED,
                 units=units[record.quantity],
-                flags=dict.fromkeys((*block.free, *RUN_COEFFICIENTS), ()),
+                flags=dict.fromkeys((*block.free, *block.of_run), ()),
                 warnings=(*doubts, *scale),
                 noise=Noise(),
                 iterations=ITERATIONS,
@@ -124,11 +130,11 @@ def _blocks(records: Sequence[Any], requests: Sequence[Request]) -> Iterator[_Bl
     """Yield the plain fits of runs of equal shape."""
     groups: dict[Any, dict[int, _Even]] = {}
     for i, (record, request) in enumerate(zip(records, requests, strict=True)):
-        even = _even_samples(record) if isinstance(record, Record) and _suits(request) else None
+        even = _even_samples(record, request.start) if isinstance(record, Record) and _suits(request) else None
         if even is not None:
-            key = even.x.size, even.interval, even.sigma is None, _static_of(request) is None, request.free
-            groups.setdefault(key, {})[i] = even
-    for (_, interval, unknown, tied, free), group in groups.items():
+            none = even.sigma is None, _static_of(request) is None, even.release is None
+            groups.setdefault((even.x.size, even.interval, none, request.free), {})[i] = even
+    for (_, interval, (unknown, tied, timed), free), group in groups.items():
         numbers, samples = list(group), list(group.values())
         machines = [_coefficients_of(requests[i]) for i in numbers]
         machine = {name: np.array([each[name] for each in machines]) for name in COEFFICIENTS}
@@ -141,6 +147,7 @@ def _blocks(records: Sequence[Any], requests: Sequence[Request]) -> Iterator[_Bl
             sigma,
             np.array([each.lateness for each in samples]),
             None if tied else np.array([_static_of(requests[i]) for i in numbers], dtype=float),
+            None if timed else np.array([each.release for each in samples]),
         )
         fitted = {name: values[fits.runs] for name, values in machine.items()}
         fitted |= dict(zip(free, fits.values.T, strict=False))
@@ -150,10 +157,11 @@ def _blocks(records: Sequence[Any], requests: Sequence[Request]) -> Iterator[_Bl
         if not fits.runs.size:
             continue
         level, source = (fits.noise, ESTIMATED) if sigma is None else (sigma[fits.runs], "given")
-        yield _Block([numbers[run] for run in fits.runs], fits, free, interval, level, source, fitted)
+        of_run = RUN_COEFFICIENTS if timed else RUN_COEFFICIENTS[1:]
+        yield _Block([numbers[run] for run in fits.runs], fits, free, of_run, interval, level, source, fitted)
 
 
-def _even_samples(record: Record) -> _Even | None:
+def _even_samples(record: Record, start: str | float) -> _Even | None:
     """Return the samples of a record.
 
     None if some are missing or their noise varies.
@@ -164,7 +172,9 @@ def _even_samples(record: Record) -> _Even | None:
         return None
     interval = float(t[-1] - t[0]) / (t.size - 1)
     lateness = float(np.max(np.abs(t - t[0] - interval * np.arange(t.size))))
-    return _Even(x, interval, lateness, None if trace.sigma is None else float(np.asarray(trace.sigma)))
+    logged = 0.0 if record.release is None else float(record.release - t[0])
+    sigma = None if trace.sigma is None else float(np.asarray(trace.sigma))
+    return _Even(x, interval, lateness, sigma, logged if start == "release" else None)
 
 
 def _suits(request: Request) -> bool:
@@ -172,7 +182,8 @@ def _suits(request: Request) -> bool:
     machine, law, names = request.oscillator, request.oscillator.friction, set(request.free)
     fits = isinstance(law, Coulomb) and isinstance(machine.restoring, Linear) and float(machine.drag) == 0
     determined = not ({"mass", "stiffness"} <= names or {"mu", "normal_force"} <= names)
-    special = (request.bounds, request.priors, request.tie, request.guess, request.rig)
+    special = (request.bounds, request.priors, request.tie, request.rig)
+    usual = {"first_reversal": RUN_COEFFICIENTS, "release": RUN_COEFFICIENTS[1:]}.get(str(request.start))
     return (
         fits
         and bool(names)
@@ -180,7 +191,9 @@ def _suits(request: Request) -> bool:
         and determined
         and len(names) == len(request.free)
         and not any(special)
-        and (request.nuisance, request.engine, request.start) == (None, "auto", "first_reversal")
+        and usual is not None
+        and request.nuisance in (None, usual)
+        and request.engine == "auto"
         and isinstance(request.loss, Squares)
         and request.noise in ("auto", "white")
     )
@@ -205,14 +218,15 @@ def _columns(block: _Block, records: Sequence[Record]) -> dict[str, np.ndarray]:
     squares, used = np.sum(fits.residuals**2, axis=1), fits.residuals.shape[1] - fits.at.begins[:, 0]
     covariance = block.sigma[:, None, None] ** 2 * fits.inverse
     values = fits.values.copy()
-    values[:, p] += [float(record.t[0]) for record in records]
+    if "t_release" in block.of_run:
+        values[:, p] += [float(record.t[0]) for record in records]
     quantities = [_kinematic(block, covariance, *_KINEMATICS[name]) for name in UNITS]
     return {
         "values": values,
         "covariance": covariance,
         "white": np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)),
         "kinematics": np.stack(quantities, axis=1),
-        "contributions": np.zeros((len(values), p + len(RUN_COEFFICIENTS) + len(UNITS), 0)),
+        "contributions": np.zeros((len(values), p + len(block.of_run) + len(UNITS), 0)),
         "chi2": squares / block.sigma**2,
         "dof": used - values.shape[1],
         "residual_rms": np.sqrt(squares / used),
@@ -249,16 +263,19 @@ def _segmentation(record: Record, block: _Block, place: int) -> Segmentation:
     stops = decay.stop < NEVER
     times = t0 + float(decay.t0) + period * np.arange(count + 1)
     points = (at.sides[place] * at.amplitudes.value[place])[: count + 1] + float(decay.offset)
+    released = "t_release" not in block.of_run
     # The last one is the stop, or lies behind the record.
+    reversals = slice(int(released), count if stops or times[-1] > record.t[-1] else None)
     return Segmentation(
         noise=noise,
         resolution=0.0,
-        release=max(float(times[0]) - period, t0),
-        turning_times=times[:-1] if stops or times[-1] > record.t[-1] else times,
-        turning_points=points[:-1] if stops or times[-1] > record.t[-1] else points,
+        release=float(times[0]) if released else max(float(times[0]) - period, t0),
+        release_position=float(points[0]) if released else None,
+        turning_times=times[reversals],
+        turning_points=points[reversals],
         rest=float(times[-1]) if stops else None,
         rest_position=float(points[-1]) if stops else None,
-        n_half_cycles=count + 1,
+        n_half_cycles=count + (not released),
         amplitude=abs(float(decay.x0)),
         half_period=period,
         white_noise=noise,
@@ -270,12 +287,13 @@ def _solved(record: Record, request: Request, block: _Block, place: int) -> Nois
     fits, at, p = block.fits, block.fits.at, len(block.free)
     segmentation = _segmentation(record, block, place)
     begin, sigma, n = int(at.begins[place, 0]), float(block.sigma[place]), record.t.size
-    origin, first = float(record.t[begin]), float(segmentation.turning_times[0])
-    used, values = np.arange(n) >= begin, fits.values[place].copy()
-    values[p] += float(record.t[0]) - origin
-    stopped = np.inf if segmentation.rest is None else segmentation.rest
-    state = dict(zip(RUN_COEFFICIENTS, map(float, fits.start[place][p:]), strict=True))
-    state["t_release"] += float(record.t[0]) - origin
+    first = float(record.t[0]) + float(at.decay.t0[place])
+    origin = float(record.t[begin]) if "t_release" in block.of_run else first
+    used, stopped = np.arange(n) >= begin, np.inf if segmentation.rest is None else segmentation.rest
+    values, start = fits.values[place].copy(), fits.start[place].copy()
+    if "t_release" in block.of_run:
+        values[p] += float(record.t[0]) - origin
+        start[p] += float(record.t[0]) - origin
     window = Window(
         trace=record.trace,
         quantity=record.quantity,
@@ -288,8 +306,8 @@ def _solved(record: Record, request: Request, block: _Block, place: int) -> Nois
         sigma=np.full(n, sigma),
         sigma_source=block.source,
         half_cycles=int(at.half_cycles[place]) if segmentation.rest is not None else NEVER,
-        nuisances=RUN_COEFFICIENTS,
-        guesses={**state, "v0": 0.0, "drift": 0.0, "z0": 1.0},
+        nuisances=block.of_run,
+        guesses={**_AT_REST, **dict(zip(block.of_run, map(float, start[p:]), strict=True))},
         doubts=_doubts(record, request, block, place),
         name=record.name,
     )

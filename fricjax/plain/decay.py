@@ -60,6 +60,17 @@ class FreeDecay(NamedTuple):
         """Return the decay after a step of the coefficients, shape (runs, 6)."""
         return FreeDecay._make([*(self.coefficients + step).T, self.stop])
 
+    def from_release(self, release: np.ndarray) -> "FreeDecay":
+        """Return the decays from the releases, one half-cycle before the first reversals.
+
+        The time is NaN if the release is not near that place.
+        """
+        period, rho = np.pi / self.omega, np.exp(-self.decay_rate * np.pi / self.omega)
+        swing = (np.abs(self.x0) + (1 + rho) * self.dead_band) / rho
+        near = np.abs(self.t0 - period - release) < period / 8
+        stop = np.where(self.stop < NEVER, self.stop + 1, NEVER)
+        return self._replace(t0=np.where(near, release, np.nan), x0=-np.sign(self.x0) * swing, stop=stop)
+
     def of(self, which: Any) -> "FreeDecay":
         """Return the decays of some runs, or of one."""
         return FreeDecay._make(each[which] for each in self)

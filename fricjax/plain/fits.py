@@ -14,7 +14,7 @@ from .proof import limit, refusals, unfinished
 from .start import rough_decays
 
 RUN_COEFFICIENTS = ("t_release", "x0", "offset")
-"""Coefficients of each run, which are always free."""
+"""Coefficients of each run. The first one is fixed if the release is known; the others are always free."""
 
 COEFFICIENTS = ("mass", "stiffness", "damping", "normal_force", "mu")
 """Coefficients of the machine that can be free."""
@@ -36,12 +36,13 @@ class PlainFits(NamedTuple):
 
     Attributes:
         runs: indices of these runs.
-        values: fitted coefficients of the machine in the order of the names, then those of the run: time of the first
-            reversal from the first sample [s], deflection there [m] and offset [m], shape (runs, names + 3).
+        values: fitted coefficients, shape (runs, p): those of the machine in the order of the names, then those of the
+            run: time of the first reversal from the first sample [s] unless the release is known, deflection there [m]
+            and offset [m].
         start: rough values, same shape.
-        inverse: inverse of J'J for `values`, without the noise, shape (runs, names + 3, names + 3).
+        inverse: inverse of J'J for `values`, without the noise, shape (runs, p, p).
         normal: J'J, same shape.
-        gradient: J'r, shape (runs, names + 3).
+        gradient: J'r, shape (runs, p).
         remaining: length of the remaining step in standard errors, shape (runs,).
         noise: noise level from the residuals [m], shape (runs,).
         residuals: reading minus model of all samples [m], zero before the first reversal, shape (runs, samples).
@@ -75,6 +76,7 @@ def fit_plain(
     sigma: np.ndarray | None = None,
     lateness: np.ndarray | None = None,
     static: np.ndarray | None = None,
+    release: np.ndarray | None = None,
 ) -> PlainFits:
     """Fit the runs and keep those that are proven plain.
 
@@ -86,6 +88,8 @@ def fit_plain(
         sigma: stated noise level of each run [m], shape (runs,); None if it is unknown.
         lateness: largest deviation of a time from the equal intervals [s], shape (runs,); None for zero.
         static: fixed static friction coefficient of each run, shape (runs,); None if it equals mu.
+        release: time of the release from rest, from the first sample [s], shape (runs,). The fit then starts there, and
+            for None at the first reversal, at a time that is fitted.
 
     Examples:
         >>> import numpy as np
@@ -101,7 +105,12 @@ def fit_plain(
     # A run that is not plain may lead anywhere; its numbers are not used.
     with np.errstate(all="ignore"):
         runs, rough = rough_decays(x, dt)
-        block = _Block.of(runs, {name: each[runs] for name, each in machine.items()}, tuple(free), rough)
+        known = {name: each[runs] for name, each in machine.items()}
+        if release is not None:
+            known["t_release"], rough = release[runs], rough.from_release(release[runs])
+        names = (*free, *(name for name in RUN_COEFFICIENTS if name not in known))
+        block = _Block.of(runs, known, names, rough)
+        block = block.only(block.allowed)
         stride = int(np.clip(np.min(block.period, initial=np.inf) / dt / _FEW, 1, _STRIDE))
         few = x[:, ::stride]
         for _ in range(_COUNTS):
@@ -150,17 +159,17 @@ class _Block(NamedTuple):
 
     Attributes:
         runs: indices of the runs.
-        machine: coefficients of the machine of each run.
+        known: coefficients of machine and run, unless they are fitted.
         free: names of the fitted ones.
         period: rough duration of a half-cycle [s].
         stop: number of half-cycles until the mass stops.
-        values: values of the fitted coefficients of machine and run, shape (runs, names + 3).
+        values: values of the fitted coefficients, shape (runs, p).
         start: those of the rough decay.
         second_best: rise of the sum of squares with the next best number of half-cycles [m^2]; inf without a stop.
     """
 
     runs: np.ndarray
-    machine: Mapping[str, np.ndarray]
+    known: Mapping[str, np.ndarray]
     free: tuple[str, ...]
     period: np.ndarray
     stop: np.ndarray
@@ -169,11 +178,9 @@ class _Block(NamedTuple):
     second_best: np.ndarray
 
     @classmethod
-    def of(
-        cls, runs: np.ndarray, machine: Mapping[str, np.ndarray], free: tuple[str, ...], rough: FreeDecay
-    ) -> "_Block":
+    def of(cls, runs: np.ndarray, known: Mapping[str, np.ndarray], free: tuple[str, ...], rough: FreeDecay) -> "_Block":
         """Return the runs with the values of the rough decay."""
-        m = dict(machine)
+        m = dict(known)
         if "mass" in free:
             m["mass"] = m["stiffness"] / rough.omega2
         elif "stiffness" in free:
@@ -184,26 +191,34 @@ class _Block(NamedTuple):
             "damping": 2 * m["mass"] * rough.decay_rate,
             "mu": friction / m["normal_force"],
             "normal_force": friction / m["mu"],
+            "t_release": rough.t0,
+            "x0": rough.x0,
+            "offset": rough.offset,
         }
-        values = np.stack([*(starts[name] for name in free), rough.t0, rough.x0, rough.offset], axis=1)
-        return cls(runs, machine, free, np.pi / rough.omega, rough.stop, values, values, np.zeros(runs.size))
+        values = np.stack([starts[name] for name in free], axis=1)
+        return cls(runs, known, free, np.pi / rough.omega, rough.stop, values, values, np.zeros(runs.size))
 
     def only(self, which: np.ndarray) -> "_Block":
         """Return some of the runs."""
         few = {name: each[which] for name, each in self._asdict().items() if isinstance(each, np.ndarray)}
-        return self._replace(**few, machine={name: values[which] for name, values in self.machine.items()})
+        return self._replace(**few, known={name: values[which] for name, values in self.known.items()})
 
     @property
     def coefficients(self) -> dict[str, np.ndarray]:
-        """All coefficients of the machines."""
-        return {**self.machine, **dict(zip(self.free, self.values.T, strict=False))}
+        """All coefficients of machine and run."""
+        return {**self.known, **dict(zip(self.free, self.values.T, strict=True))}
 
     @property
     def decay(self) -> FreeDecay:
         m = self.coefficients
-        band = m["mu"] * m["normal_force"] / m["stiffness"]
-        return FreeDecay._make(
-            [*self.values[:, -3:].T, m["stiffness"] / m["mass"], m["damping"] / (2 * m["mass"]), band, self.stop]
+        return FreeDecay(
+            t0=m["t_release"],
+            x0=m["x0"],
+            offset=m["offset"],
+            omega2=m["stiffness"] / m["mass"],
+            decay_rate=m["damping"] / (2 * m["mass"]),
+            dead_band=m["mu"] * m["normal_force"] / m["stiffness"],
+            stop=self.stop,
         )
 
     @property
@@ -212,7 +227,8 @@ class _Block(NamedTuple):
         decay = self.decay
         ratio = np.pi / decay.omega / self.period
         near = (ratio > 0.5) & (ratio < 2) & (decay.t0 >= 0) & np.isfinite(decay.x0)
-        return near & np.all(self.values[:, : len(self.free)] > 0, axis=1)
+        positive = [self.coefficients[name] > 0 for name in self.free if name in COEFFICIENTS]
+        return near & np.all(positive, axis=0)
 
     def stepped(self, x: np.ndarray, dt: float) -> "_Block":
         """Return the runs after a step, without those it leads astray.
@@ -249,26 +265,28 @@ class _Block(NamedTuple):
         m, decay = self.coefficients, self.decay
         mass, stiffness = m["mass"], m["stiffness"]
         omega2, rate, band = decay.omega2, decay.decay_rate, decay.dead_band
+        # Derivatives of the coefficients of a `FreeDecay`, by their number.
         slopes = {
-            "mass": (-omega2 / mass, -rate / mass, 0.0),
-            "stiffness": (1 / mass, 0.0, -band / stiffness),
-            "damping": (0.0, 1 / (2 * mass), 0.0),
-            "normal_force": (0.0, 0.0, m["mu"] / stiffness),
-            "mu": (0.0, 0.0, m["normal_force"] / stiffness),
+            "t_release": {0: 1.0},
+            "x0": {1: 1.0},
+            "offset": {2: 1.0},
+            "mass": {3: -omega2 / mass, 4: -rate / mass},
+            "stiffness": {3: 1 / mass, 5: -band / stiffness},
+            "damping": {4: 1 / (2 * mass)},
+            "normal_force": {5: m["mu"] / stiffness},
+            "mu": {5: m["normal_force"] / stiffness},
         }
-        p = len(self.free)
-        jacobian = np.zeros((self.runs.size, 6, p + 3))
-        jacobian[:, np.arange(3), np.arange(p, p + 3)] = 1.0
+        jacobian = np.zeros((self.runs.size, 6, len(self.free)))
         for place, name in enumerate(self.free):
-            for row, slope in enumerate(slopes[name]):
-                jacobian[:, 3 + row, place] = slope
+            for row, slope in slopes[name].items():
+                jacobian[:, row, place] = slope
         at = evaluate(x[self.runs], dt, decay, np.ceil(decay.t0 / dt).astype(int))
         turned = jacobian.transpose(0, 2, 1)
         normal = turned @ at.normal @ jacobian
         scale = 1 / np.sqrt(np.diagonal(normal, axis1=1, axis2=2))
         scales = scale[:, :, None] * scale[:, None, :]
         # The smallest number that keeps a singular matrix from stopping the other runs.
-        inverse = scales * np.linalg.inv(scales * normal + 1e-15 * np.identity(p + 3))
+        inverse = scales * np.linalg.inv(scales * normal + 1e-15 * np.identity(len(self.free)))
         gradient = (turned @ at.gradient[..., None])[..., 0]
         return _Solved(at, jacobian, normal, gradient, inverse, (inverse @ gradient[..., None])[..., 0])
 
