@@ -31,7 +31,7 @@ from .problem import problem_on
 from .rig_inputs import contradiction
 from .run_fit import RunFit
 from .solve import Solution
-from .window import ESTIMATED, NEVER, Window
+from .window import NEVER, OF_RESIDUALS, Window
 
 # Powers of the coefficients in each of the kinematic quantities, and its factor.
 _KINEMATICS = {
@@ -156,7 +156,7 @@ def _blocks(records: Sequence[Any], requests: Sequence[Request]) -> Iterator[_Bl
         fits, fitted = fits.only(plausible), {name: values[plausible] for name, values in fitted.items()}
         if not fits.runs.size:
             continue
-        level, source = (fits.noise, ESTIMATED) if sigma is None else (sigma[fits.runs], "given")
+        level, source = (fits.noise, OF_RESIDUALS) if sigma is None else (sigma[fits.runs], "given")
         of_run = RUN_COEFFICIENTS if timed else RUN_COEFFICIENTS[1:]
         yield _Block([numbers[run] for run in fits.runs], fits, free, of_run, interval, level, source, fitted)
 
@@ -288,17 +288,16 @@ def _solved(record: Record, request: Request, block: _Block, place: int) -> Nois
     segmentation = _segmentation(record, block, place)
     begin, sigma, n = int(at.begins[place, 0]), float(block.sigma[place]), record.t.size
     first = float(record.t[0]) + float(at.decay.t0[place])
-    origin = float(record.t[begin]) if "t_release" in block.of_run else first
     used, stopped = np.arange(n) >= begin, np.inf if segmentation.rest is None else segmentation.rest
     values, start = fits.values[place].copy(), fits.start[place].copy()
     if "t_release" in block.of_run:
-        values[p] += float(record.t[0]) - origin
-        start[p] += float(record.t[0]) - origin
+        values[p] += float(record.t[0]) - first
+        start[p] += float(record.t[0]) - first
     window = Window(
         trace=record.trace,
         quantity=record.quantity,
         segmentation=segmentation,
-        origin=origin,
+        origin=first,
         t_start=first,
         used=used,
         moving=used & (record.t <= stopped),
@@ -311,7 +310,8 @@ def _solved(record: Record, request: Request, block: _Block, place: int) -> Nois
         doubts=_doubts(record, request, block, place),
         name=record.name,
     )
-    problem = problem_on((window,), request)
+    # Start values from the record are not needed.
+    problem = problem_on((window,), request.with_guess(dict(zip(block.free, map(float, start), strict=False))))
     space = problem.residual.space
     y = space.coordinates(values)
     slope = np.asarray(space.slope(y))

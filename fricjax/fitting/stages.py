@@ -195,7 +195,7 @@ def solve_on_host(
         ends_in_motion = any(run.half_cycles >= NEVER for run in residual.runs)
         for _ in range(_ROUNDS if ends_in_motion and way.steps > 1 else 0):
             before = model.half_cycles
-            if model.settled or not np.all(np.isfinite(at.y)):
+            if model.reaches_end or not np.all(np.isfinite(at.y)):
                 break
             model = TabulatedModel(residual, at.y)
             if model.half_cycles == before:

@@ -153,7 +153,7 @@ class TabulatedModel:
             self._meshes.append(mesh)
 
     @property
-    def settled(self) -> bool:
+    def reaches_end(self) -> bool:
         """True if the law allows all half-cycles until the end of the records."""
         return not (self._shortened or self._stuck)
 

@@ -45,21 +45,21 @@ def rough_decays(x: np.ndarray, dt: float) -> tuple[np.ndarray, FreeDecay]:
 def _rough_decay(x: np.ndarray, dt: float, duration: float) -> tuple[float, ...] | None:
     """Return the rough coefficients of one run."""
     half = x.size // 2
-    turns = 2 * np.array(_turning_points(x[: 2 * half : 2].tolist(), _BEYOND * float(np.ptp(x))), dtype=int)
-    turns = turns[turns < x.size - 3]
-    turns = turns[0 if _approached(x, turns) else 1 :]
-    if turns.size < _FEWEST:
+    places = 2 * np.array(_turning_points(x[: 2 * half : 2].tolist(), _BEYOND * float(np.ptp(x))), dtype=int)
+    places = places[places < x.size - 3]
+    places = places[0 if _approached(x, places) else 1 :]
+    if places.size < _FEWEST:
         return None
     # A parabola through the points about each turning point.
-    width = int(np.clip((turns[-1] - turns[0]) / (turns.size - 1) / 6, 1, 8))
+    width = int(np.clip((places[-1] - places[0]) / (places.size - 1) / 6, 1, 8))
     near = np.arange(-width, width + 1)
-    values = x[np.clip(turns[:, None] + near, 0, x.size - 1)]
+    values = x[np.clip(places[:, None] + near, 0, x.size - 1)]
     curved = near**2 - np.mean(near**2)
     bend, slope = values @ curved / (curved @ curved), values @ near / (near @ near)
     with np.errstate(divide="ignore", invalid="ignore"):
         shift = np.clip(-slope / (2 * bend), -width, width)
         point = values.mean(axis=1) - bend * np.mean(near**2) - slope**2 / (4 * bend)
-    t = (turns + shift + 0.5) * dt
+    t = (places + shift + 0.5) * dt
     lasts = np.diff(t)
     order = np.arange(t.size) - (t.size - 1) / 2
     period = float(order @ t / (order @ order))
@@ -79,16 +79,16 @@ def _rough_decay(x: np.ndarray, dt: float, duration: float) -> tuple[float, ...]
     return float(t[0]) - dt / 2, start, offset, (np.pi / period) ** 2 + z**2, z, band, stop
 
 
-def _approached(x: np.ndarray, turns: np.ndarray) -> bool:
+def _approached(x: np.ndarray, places: np.ndarray) -> bool:
     """Return True if the mass swings to the first turning point.
 
     A quarter of a half-cycle before it, the deflection is then 71 % of the largest, and 100 % if the mass is held.
     """
-    if turns.size < 2:
+    if places.size < 2:
         return False
-    before = round((turns[-1] - turns[0]) / (turns.size - 1) / 4)
-    middle = (x[turns[0]] + x[turns[1]]) / 2
-    return bool(turns[0] >= before and abs(x[turns[0] - before] - middle) < 0.85 * abs(x[turns[0]] - middle))
+    before = round((places[-1] - places[0]) / (places.size - 1) / 4)
+    middle = (x[places[0]] + x[places[1]]) / 2
+    return bool(places[0] >= before and abs(x[places[0] - before] - middle) < 0.85 * abs(x[places[0]] - middle))
 
 
 def _stop(swing: float, rho: float, band: float) -> int:
@@ -101,7 +101,7 @@ def _stop(swing: float, rho: float, band: float) -> int:
 
 def _turning_points(values: list[float], beyond: float) -> list[int]:
     """Return the indices of turning points that the motion leaves by `beyond`."""
-    turns, direction = [], 0
+    places, direction = [], 0
     high = low = values[0]
     high_at = low_at = 0
     for i, value in enumerate(values):
@@ -110,9 +110,9 @@ def _turning_points(values: list[float], beyond: float) -> list[int]:
         if direction <= 0 and value < low:
             low, low_at = value, i
         if direction >= 0 and high - value > beyond:
-            turns.append(high_at)
+            places.append(high_at)
             direction, low, low_at = -1, value, i
         elif direction <= 0 and value - low > beyond:
-            turns.append(low_at)
+            places.append(low_at)
             direction, high, high_at = 1, value, i
-    return turns
+    return places

@@ -193,7 +193,10 @@ class TestNoise:
     def test_noise_that_is_not_given_is_estimated_from_the_record(self, run, plain):
         found = fit(Trace(run.t, run.x), machine(), MACHINE)
         assert found.sigma == pytest.approx(1e-9, rel=0.1)
-        assert found.sigma_source == "estimated from the record"
+        # A plain record is fitted first.
+        assert found.sigma_source == "scatter of the residuals"
+        shaken = fit(Trace(run.t, run.x + 5e-9 * np.sin(300 * run.t)), machine(), MACHINE)
+        assert shaken.sigma_source == "estimated from the record"
         assert found.std_errors["mu"] == pytest.approx(plain.std_errors["mu"], rel=0.1)
 
     @pytest.mark.slow

@@ -22,11 +22,11 @@ def machine() -> Oscillator:
 @functools.cache
 def found(seed: int = 0, bound: float | None = None) -> Multistart:
     bounds = {} if bound is None else {"damping": (None, bound)}
-    return multistart(coulomb_run(), machine(), MACHINE, starts=STARTS, seed=seed, bounds=bounds)
+    return multistart(coulomb_run(), machine(), MACHINE, starts=STARTS, seed=seed, bounds=bounds, engine="exact")
 
 
 def test_all_starts_of_an_easy_fit_reach_its_one_optimum():
-    reference = fit(coulomb_run(), machine(), MACHINE)
+    reference = fit(coulomb_run(), machine(), MACHINE, engine="exact")
     assert found().share == 1.0 and found().excess.shape == (STARTS,)
     for name in MACHINE:
         assert found().best.values[name] == pytest.approx(reference.values[name], abs=0.01 * reference.std_errors[name])
@@ -42,7 +42,7 @@ def test_the_waterfall_ascends_from_zero():
 def test_starts_are_spread_and_repeat_with_their_seed():
     starts = found().starts["damping"]
     assert np.unique(starts).size == STARTS and np.max(starts) > 1.3 * np.min(starts)
-    again = multistart(coulomb_run(), machine(), MACHINE, starts=STARTS)
+    again = multistart(coulomb_run(), machine(), MACHINE, starts=STARTS, engine="exact")
     np.testing.assert_array_equal(again.starts["mu"], found().starts["mu"])
     assert not np.array_equal(np.sort(found(seed=1).starts["mu"]), np.sort(starts))
 
