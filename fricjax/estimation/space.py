@@ -5,10 +5,11 @@ fitted as logarithms. The stiffness of a contact is fitted as its inverse square
 linear. All others are linear in units of a typical size.
 """
 
+import dataclasses
+import functools
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import numpy as np
 from jaxtyping import Array, Float
@@ -49,7 +50,14 @@ class Tie(NamedTuple):
     factor: float
 
 
-class ParameterSpace(eqx.Module):
+@functools.partial(
+    jax.tree_util.register_dataclass,
+    data_fields=("start", "scale"),
+    meta_fields=("fitted_as", "leaves", "ties", "nuisances"),
+)
+# Not an equinox module: a fit calls its methods often, and those of a module are made at each access.
+@dataclasses.dataclass(frozen=True)
+class ParameterSpace:
     """Map from coordinates to parameter values and into a model.
 
     Attributes:
@@ -62,10 +70,10 @@ class ParameterSpace(eqx.Module):
 
     start: Float[Array | np.ndarray, " p"]
     scale: Float[Array | np.ndarray, " p"]
-    fitted_as: tuple[str, ...] = eqx.field(static=True)
-    leaves: tuple[int, ...] = eqx.field(static=True)
-    ties: tuple[Tie, ...] = eqx.field(static=True)
-    nuisances: tuple[tuple[str, ...], ...] = eqx.field(static=True)
+    fitted_as: tuple[str, ...]
+    leaves: tuple[int, ...]
+    ties: tuple[Tie, ...]
+    nuisances: tuple[tuple[str, ...], ...]
 
     @classmethod
     def build(

@@ -104,8 +104,6 @@ class TabulatedModel:
         self._residual, space = residual, residual.space
         engine: Any = residual.engine
         self._checks = engine.checks
-        # A method of an equinox module is made at each access.
-        self._values, self._slope = space.values, space.slope
         self._places = [space.places(number) for number in range(len(residual.runs))]
         shared = [*space.leaves, *(tie.leaf for tie in space.ties)]
         inputs = np.array(residual.inputs[:, : len(jax.tree.leaves(residual.oscillator))])
@@ -120,7 +118,7 @@ class TabulatedModel:
         for tie in space.ties:
             to_leaf[leaves.index(tie.leaf), tie.parameter] += tie.factor
         self._to_leaf, self._by_input = to_leaf, np.pad(inputs[:, leaves], ((0, 0), (0, 1)))
-        values = self._values(y[: residual.n_parameters])
+        values = space.values(y[: residual.n_parameters])
         machine = space.model(residual.oscillator, values)
         flat = jax.tree.leaves(machine)
         self._fixed, self._is_free = np.array([float(flat[leaf]) for leaf in leaves]), np.any(to_leaf[:-1] != 0, axis=1)
@@ -171,7 +169,8 @@ class TabulatedModel:
             loss: loss of the residuals.
         """
         residual, total, self._stuck = self._residual, y.size, False
-        values, slope = (of(y[: residual.n_parameters]) for of in (self._values, self._slope))
+        space = residual.space
+        values, slope = (of(y[: residual.n_parameters]) for of in (space.values, space.slope))
         forces = self._tables(values)
         parts = [
             self._run(forces, values, slope, number, run, weight, loss, total)
