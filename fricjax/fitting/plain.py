@@ -164,7 +164,7 @@ def _blocks(records: Sequence[Any], requests: Sequence[Request]) -> Iterator[_Bl
 def _even_samples(record: Record, start: str | float) -> _Even | None:
     """Return the samples of a record.
 
-    None if some are missing or their noise varies.
+    None if some are missing, their noise varies, or the release lies outside.
     """
     trace = record.trace
     t, x, mask = (np.asarray(each) for each in (trace.t, trace.x, trace.mask))
@@ -173,6 +173,8 @@ def _even_samples(record: Record, start: str | float) -> _Even | None:
     interval = float(t[-1] - t[0]) / (t.size - 1)
     lateness = float(np.max(np.abs(t - t[0] - interval * np.arange(t.size))))
     logged = 0.0 if record.release is None else float(record.release - t[0])
+    if start == "release" and not 0 <= logged < t[-1] - t[0]:
+        return None
     sigma = None if trace.sigma is None else float(np.asarray(trace.sigma))
     return _Even(x, interval, lateness, sigma, logged if start == "release" else None)
 
