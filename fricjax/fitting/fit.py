@@ -86,7 +86,7 @@ def fit(
             is not white is modelled from the residuals in each mode.
         rig: a `Rig` with uncertain inputs of the machine and of its instrument. They enter the combined standard errors
             to first order. Release times remain those of the record, whatever its clock.
-        guess: start values by name, instead of those from the record.
+        guess: start values by name, instead of those from the record. A plain record needs none.
         loss: "squares", or "huber", "soft_l1" or "cauchy", which reduce the weight of outliers, or a loss of
             :mod:`fricjax.estimation.loss`; in units of the noise. The covariance is then that of the weighted samples.
         noise: noise model for weights and standard errors: "auto" selects it from the record; "white", "jitter",
