@@ -17,14 +17,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..data import Record, read
+from ..data import Record, Segmentation, read
 from ..data.files import gigabytes, printable
 from ..errors import DataError, UsageError
 from ..fitting.batch import fit_rows
 from ..fitting.diagnostics import CONVERGED
 from ..fitting.names import of_run
 from ..fitting.run_fit import RunFit, collected
-from ..fitting.sketch import few, sketches
+from ..fitting.sketch import MOST, few
 from ..fitting.window import equilibrium
 from ..oscillator import one_at_a_time
 from .plan import LARGEST_FILE, Chunk, Job, hash_of, iso_time, signature_of
@@ -124,17 +124,20 @@ class Work:
             except Exception as error:
                 outcomes[i] = (outcome_of(error), None)
         groups: dict[Any, dict[int, RunFit]] = {}
+        segmentations = dict[int, Segmentation | None]()
         for i, row in zip(requests, fit_rows([runs[i].record for i in requests], list(requests.values())), strict=True):
             if row.rejected:
                 outcomes[i] = {"status": "rejected", "outcome": row.status.removeprefix("rejected: ")}, None
             else:
+                segmentations[i] = row.segmentation
                 groups.setdefault((tuple(row.units), row.inputs), {})[i] = row
         for group in groups.values():
             rigs = [self.study.rule_of(runs[i].job.file).rig for i in group]
             calibrated = [self.study.calibrated or rig is not None for rig in rigs]
             fitted = _outcomes(list(group.values()), calibrated, self.study.residuals)
             outcomes |= dict(zip(group, fitted, strict=True))
-        return [outcomes[i] for i in range(len(runs))]
+        pictures = [_pictures_of(run.record, segmentations.get(i)) for i, run in enumerate(runs)]
+        return [({**pictures[i], **columns}, residuals) for i, (columns, residuals) in sorted(outcomes.items())]
 
     def _row(self, law: Law, job: Job, columns: Mapping[str, Any]) -> dict[str, Any]:
         settings = self.study.settings_of(law, job.file)
@@ -188,11 +191,23 @@ def _facts_of(record: Record | Exception) -> dict[str, Any]:
     facts |= {"run": str(record.meta.get("run") or ""), "samples": len(record)}
     if record.meta.get("measured_at"):
         facts["measured_at"] = str(record.meta["measured_at"])
+    return facts
+
+
+def _pictures_of(record: Record | Exception, segmentation: Segmentation | None) -> dict[str, Any]:
+    """Return the columns with the motion of a record.
+
+    Args:
+        record: the record.
+        segmentation: its reversals if they are known; None to look for them.
+    """
+    if isinstance(record, Exception):
+        return {}
     t, x, known = record.t - record.t[0], record.x, record.mask
-    middle = float(np.median(x[known])) if known.any() else 0.0
+    middle, facts = float(np.median(x[known])) if known.any() else 0.0, dict[str, Any]()
     # The fit rejects a record that is no decay, with its reason.
     with contextlib.suppress(DataError):
-        segmentation = record.segmentation
+        segmentation = segmentation or record.segmentation
         middle = equilibrium(segmentation)
         facts["reversal_t"] = segmentation.turning_times - record.t[0]
         facts["reversal_x"] = segmentation.turning_points - middle
@@ -205,22 +220,18 @@ def _facts_of(record: Record | Exception) -> dict[str, Any]:
 def _outcomes(rows: Sequence[RunFit], calibrated: Sequence[bool], with_residuals: bool) -> list[_Outcome]:
     """Return outcomes of fitted runs, without coefficients of uncalibrated machines."""
     batch = collected(rows, ("",) * len(rows))
-    fits = [row.solved() for row in rows if row.solved is not None]
-    solved: Any = [(weighted.problem, weighted.solution) for weighted in fits]
     frame = batch.to_dataframe().drop(columns=["source", "converged", "status"])
     for name in ("half_cycles", "iterations", "passes", "sigma"):
         frame[name] = getattr(batch, name).tolist()
     # Parameters that also depend on mass and load, not on the record alone.
     coefficients = [name for name in batch.names if not of_run(name)]
     meaningless = [f"{name}{ending}" for name in coefficients for ending in ("", "_std", "_combined_std")]
-    residuals = sketches(solved, None) if with_residuals else [None] * len(rows)
     outcomes = []
-    for i, (columns, sketch, status) in enumerate(
-        zip(frame.to_dict("records"), sketches(solved), batch.status, strict=True)
-    ):
-        load = float(solved[i][0].residual.oscillator.normal_force)
-        columns |= {"load": load} if calibrated[i] else dict.fromkeys((*meaningless, "load"))
-        columns |= {f"sketch_{name}": values for name, values in sketch._asdict().items()}
-        columns |= {"status": "ok" if status == CONVERGED else "invalid", "outcome": status, "engine": batch.engine}
-        outcomes.append((columns, residuals[i]))
+    for row, columns, known in zip(rows, frame.to_dict("records"), calibrated, strict=True):
+        load, sketch, status = row.load, row.sketch, row.status
+        assert sketch is not None
+        columns |= {"load": load} if known else dict.fromkeys((*meaningless, "load"))
+        columns |= {f"sketch_{name}": values for name, values in sketch(MOST)._asdict().items()}
+        columns |= {"status": "ok" if status == CONVERGED else "invalid", "outcome": status, "engine": row.engine}
+        outcomes.append((columns, sketch(None) if with_residuals else None))
     return outcomes

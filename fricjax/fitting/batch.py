@@ -1,5 +1,6 @@
 """Fit many runs independently, on all cores."""
 
+import functools
 import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -28,6 +29,7 @@ from .problem import Problem, build_problem
 from .rest import miscounted, solve_with_rest, stops_within
 from .result import named
 from .run_fit import RunFit, collected
+from .sketch import sketch
 from .solve import Solution, solve_batch
 from .tabulate import untabulated
 from .warnings import warnings_of_run
@@ -85,7 +87,9 @@ class Row(NamedTuple):
             iterations=solution.iterations,
             passes=solution.passes,
             engine=engine,
-            solved=lambda: weighted,
+            segmentation=window.segmentation,
+            load=float(problem.residual.oscillator.normal_force),
+            sketch=functools.partial(sketch, problem, solution),
         )
 
 
@@ -143,7 +147,9 @@ def fit_batch(
     parts = [[order[i] for i in block] for block in blocks(len(order))]
 
     def work(block: list[int]) -> list[RunFit]:
-        return fit_rows([runs[i] for i in block], [common.with_guess(guesses[i]) for i in block])
+        rows = fit_rows([runs[i] for i in block], [common.with_guess(guesses[i]) for i in block])
+        # The samples of a run are not kept.
+        return [row._replace(segmentation=None, sketch=None) for row in rows]
 
     rows: dict[int, RunFit] = {}
     with working("Fitting runs", len(runs)) as task, ThreadPoolExecutor(cores()) as pool:

@@ -30,6 +30,7 @@ from .parameters import Request
 from .problem import problem_on
 from .rig_inputs import contradiction
 from .run_fit import RunFit
+from .sketch import Sketch, few
 from .solve import Solution
 from .window import NEVER, OF_RESIDUALS, Window
 
@@ -120,7 +121,9 @@ def plain_runs(records: Sequence[Any], requests: Sequence[Request]) -> dict[int,
                 iterations=ITERATIONS,
                 passes=ITERATIONS + 1,
                 engine="exact",
-                solved=functools.partial(_solved, record, request, block, place),
+                segmentation=segmentation,
+                load=float(block.machine["normal_force"][place]),
+                sketch=functools.partial(_sketch, record, block, place),
                 **{name: values[place] for name, values in columns.items()},
             )
     return rows
@@ -282,6 +285,13 @@ def _segmentation(record: Record, block: _Block, place: int) -> Segmentation:
         half_period=period,
         white_noise=noise,
     )
+
+
+def _sketch(record: Record, block: _Block, place: int, most: int | None) -> Sketch:
+    """Return some samples of record and residual."""
+    samples, at = few(record.t.size, most), block.fits.at
+    residual = np.where(samples >= at.begins[place, 0], block.fits.residuals[place][samples], np.nan)
+    return Sketch((record.t - record.t[0])[samples], record.x[samples] - float(at.decay.offset[place]), residual)
 
 
 def _solved(record: Record, request: Request, block: _Block, place: int) -> NoiseWeighted:

@@ -5,12 +5,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..data import Segmentation
 from ..errors import UsageError
 from .batch_result import BatchFit
 from .derived import UNITS
 from .diagnostics import CONVERGED
 from .noise import Noise
-from .noise_weighting import NoiseWeighted
+from .sketch import Sketch
 
 
 class RunFit(NamedTuple):
@@ -29,7 +30,9 @@ class RunFit(NamedTuple):
         warnings: warnings in sentences.
         chi2, dof, residual_rms, sigma, noise, numerical_shift, iterations, passes, engine: as in a `BatchFit`.
         half_cycles: number of half-cycles to the stop; -1 without one.
-        solved: returns the solved problem with its samples.
+        segmentation: reversals, rest and noise of the record.
+        load: normal force of the machine [N].
+        sketch: returns some samples of record and residual; takes the number of samples, None for all.
     """
 
     status: str
@@ -52,11 +55,13 @@ class RunFit(NamedTuple):
     iterations: int = 0
     passes: int = 0
     engine: str = ""
-    solved: Callable[[], NoiseWeighted] | None = None
+    segmentation: Segmentation | None = None
+    load: float = np.nan
+    sketch: Callable[[int | None], Sketch] | None = None
 
     @property
     def rejected(self) -> bool:
-        return self.solved is None
+        return self.values is None
 
 
 def collected(rows: Sequence[RunFit], sources: tuple[str, ...]) -> BatchFit:
