@@ -9,6 +9,7 @@ one such process, which ends with the thread.
 import contextlib
 import importlib
 import json
+import math
 import os
 import re
 import select
@@ -241,6 +242,8 @@ def _answer(
     path: Path, file_format: Format, choice: Choice, options: dict[str, Any]
 ) -> tuple[dict[str, Any], list[np.ndarray], list[Samples]]:
     """Return the reply for a file, its arrays, and the runs."""
+    # An import under the limit of the file before it could end the process.
+    _limit(None)
     if file_format.library is not None:
         library(path, *file_format.library)
     module = importlib.import_module(f".readers.{file_format.module}", __package__)
@@ -284,24 +287,17 @@ def _refusal(error: Exception, name: str, kind: str) -> dict[str, Any]:
     return {"error": "DataError", "text": text}
 
 
-def _limit(path: Path) -> None:
-    """Limit memory and processor time of this process for one file."""
+def _limit(path: Path | None) -> None:
+    """Limit memory and processor time for one file; None lifts the limits."""
     with contextlib.suppress(ImportError):  # Windows has no such limits
         import resource
 
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        memory, seconds = (math.inf, math.inf) if path is None else (allowance(path), _seconds(path))
         for limit, most in (
-            (resource.RLIMIT_DATA, _LIBRARIES + _COPIES * allowance(path)),
-            (resource.RLIMIT_CPU, int(time.process_time() + _seconds(path))),
+            (resource.RLIMIT_DATA, _LIBRARIES + _COPIES * memory),
+            (resource.RLIMIT_CPU, time.process_time() + seconds),
         ):
             hard = resource.getrlimit(limit)[1]
-            resource.setrlimit(limit, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
-
-
-def _fields(column: Column) -> tuple[Any, ...]:
-    return tuple(text and _printable(text) for text in (column.name, column.unit, column.run, column.title))
-
-
-def _printable(text: str) -> str:
-    """Replace control characters, except line breaks, by escapes."""
-    return "".join(c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode() for c in text)
+            largest = math.inf if hard == resource.RLIM_INFINITY else hard
+            resource.setrlimit(limit, (hard if most >= largest else math.ceil(most), hard))

@@ -35,7 +35,7 @@ class Sketch(NamedTuple):
 
 
 def sketch(problem: Problem, solution: Solution, most: int | None = MOST) -> Sketch:
-    """Return a sketch of a solved fit of one run, with up to `most` samples.
+    """Return a sketch of a solved fit, with up to `most` samples.
 
     The samples are evenly spaced; None selects all of them.
     """
