@@ -301,3 +301,12 @@ def _limit(path: Path | None) -> None:
             hard = resource.getrlimit(limit)[1]
             largest = math.inf if hard == resource.RLIM_INFINITY else hard
             resource.setrlimit(limit, (hard if most >= largest else math.ceil(most), hard))
+
+
+def _fields(column: Column) -> tuple[Any, ...]:
+    return tuple(text and _printable(text) for text in (column.name, column.unit, column.run, column.title))
+
+
+def _printable(text: str) -> str:
+    """Replace control characters, except line breaks, by escapes."""
+    return "".join(c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode() for c in text)
