@@ -58,7 +58,7 @@ def fingerprints(windows: Sequence[Window], oscillator: Oscillator) -> tuple[str
     Returns:
         A sentence or two for each effect that the runs show.
     """
-    quantity = windows[0].quantity
+    quantity = windows[0].motion
     backs = [spring_back(window) for window in windows]
     depths = [back for back in backs if back is not None]
     springs = bool(depths) and len(depths) == sum(window.segmentation.rest is not None for window in windows)
@@ -160,7 +160,7 @@ class _HalfCycles(NamedTuple):
         deflection: Any = points - equilibrium(segmentation)
         stiffness = oscillator.stiffness
         energy = np.asarray(oscillator.restoring.potential(deflection, stiffness))
-        noise = float(np.median(window.sigma)) * np.abs(deflection)
+        noise = float(np.median(window.sigma)) / window.gain * np.abs(deflection)
         variance = noise[:-1] ** 2 + noise[1:] ** 2
         shared = -(noise[1:-1] ** 2)
         return cls(

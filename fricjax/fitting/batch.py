@@ -278,7 +278,7 @@ def collected(rows: Sequence[Row], sources: tuple[str, ...]) -> BatchFit:
         std_errors=by_name(deviations),
         white_std_errors=by_name(column(lambda _, w, __: w.white * w.solution.derived.slope, (p,))),
         covariance=covariances,
-        units={p.name: unit_of(p.unit, problem) for p in problem.parameters},
+        units={p.name: unit_of(p, problem) for p in problem.parameters},
         converged=np.array([row.status == CONVERGED for row in rows]),
         status=tuple(row.status for row in rows),
         flags=tuple(

@@ -72,7 +72,7 @@ def samples_of(sheet: Sheet, choice: Choice, source: str) -> list[Samples]:
     elif choice.run is not None and not choice.all_runs:
         runs = [_run(choice.run, by_run.runs, source)]
     pairs = [_pair(by_run, run, choice, source) for run in runs or [None]]
-    if choice.column is None:
+    if choice.column is None and choice.pendulum_length is None:
         for x, _ in pairs:
             _check_circle(sheet, x, source)
     wanted = list(dict.fromkeys(column for pair in pairs for column in pair if column is not None))
@@ -125,8 +125,8 @@ def _check_circle(sheet: Sheet, x: Column, source: str) -> None:
     if np.isfinite(radius) and off < _ON_CIRCLE * straight:
         raise DataError(
             f"'x' and 'y' of {source} lie on a circle of radius {radius:.4g}, as of a filmed pendulum. "
-            "x = L sin(theta) is no displacement that fricjax can fit: convert it to the angle, or give column='x' to "
-            "fit it as it is."
+            "Then x = L sin(theta) is no displacement: give the length of the pendulum, pendulum_length='0.42 m', to fit "
+            "its angle, or column='x' to fit x as it is."
         )
 
 
