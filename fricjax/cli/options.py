@@ -78,7 +78,7 @@ class Reading:
     unit: Annotated[
         str | None,
         Option(
-            help="Unit of the displacement: m, mm, um, nm, rad, deg, or a scale such as \"12.5 um/V\"; or of a velocity "
+            help='Unit of the displacement: m, mm, um, nm, rad, deg, or a scale such as "12.5 um/V"; or of a velocity '
             "or an acceleration: rad/s, deg/s, m/s, m/s^2, g."
         ),
     ] = None

@@ -176,11 +176,11 @@ class _HalfCycles(NamedTuple):
 def spring_back(window: Window) -> float | None:
     """Distance of the rest position from the last turning point [m].
 
-    It is None if it is within the noise.
+    It is None if it is within the noise, or if the record is no displacement.
     """
     segmentation = without_ringing(window.segmentation)
     rest, half = segmentation.rest, segmentation.half_period
-    if rest is None or not segmentation.turning_points.size:
+    if window.observation.kind != "displacement" or rest is None or not segmentation.turning_points.size:
         return None
     t, x = np.asarray(window.trace.t), np.asarray(window.trace.x)
     usable = np.asarray(window.trace.mask)

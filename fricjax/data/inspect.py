@@ -40,9 +40,9 @@ class Inspection(Reported):
     """Result of `inspect`: times in s, frequencies in Hz, readings in `unit`.
 
     Noise, hum and resolution are those of the reading. `amplitude` and `rest_position` are displacements in `motion`,
-    "m" or "rad". They are approximate if `observation` is not a displacement. The fields include those of a `Segmentation`. Fields of the record are `samples`,
-    `masked`, `duration`, `rate`, `regular` (even spacing), `gaps` and `longest_gap`. `record` is the inspected record,
-    and `warnings` are sentences about doubtful values.
+    "m" or "rad". They are approximate if `observation` is not "displacement". The fields include those of a
+    `Segmentation`. Fields of the record are `samples`, `masked`, `duration`, `rate`, `regular` (even spacing), `gaps`
+    and `longest_gap`. `record` is the inspected record, and `warnings` are sentences about doubtful values.
 
     Examples:
         >>> import fricjax as fj

@@ -129,7 +129,8 @@ def to_text(record: Record) -> str:
     elif "sigma" in arrays:
         names = ["t", "x", "sigma", "mask"]
     units = {"t": "s", "x": record.quantity, "sigma": record.quantity}
-    columns = COLUMNS | {"x": record.observation.name}
+    observation = record.observation
+    columns = COLUMNS | ({} if observation.kind == "displacement" else {"x": observation.name})
     titles = [f"{columns[name]} [{units[name]}]" if name in units else columns[name] for name in names]
     lines = [f"# {key}: {value}" for key, value in head.items()] + [",".join(titles)]
     shown = {**arrays, "x": np.where(~arrays["mask"] & (arrays["x"] == 0.0), np.nan, arrays["x"])}

@@ -1,14 +1,14 @@
-"""Observations: maps from the motion of the mass to the reading of an instrument.
+"""Maps from the motion of the mass to a reading.
 
 Let x be the displacement of the mass from its equilibrium, and x^(k) its derivative of order k by time. The reading is
 
     y(t) = h(x^(k)(t)) + offset + drift t.
 
-For a displacement, a velocity and an acceleration, h is the identity and k is 0, 1 and 2. A camera sees the horizontal
-position of a pendulum: k = 0 and h(x) = L sin(x + angle). The offset is the zero of a displacement sensor, the bias of a
-gyroscope or an accelerometer, or the position of the pivot in the picture. So the derivative of the reading with respect
-to a parameter p is ``h'(x^(k)) d x^(k)/dp``, and that with respect to time is ``h'(x^(k)) x^(k+1) + drift``. Simulation,
-fit and files use this one map.
+For a displacement, a velocity and an acceleration, h is the identity and k is 0, 1 and 2. A camera sees the
+horizontal position of a pendulum: k = 0 and h(x) = L sin(x + angle). The offset is the zero of a displacement sensor,
+the bias of a gyroscope or an accelerometer, or the position of the pivot in the picture. So the derivative of the
+reading by a parameter p is ``h'(x^(k)) d x^(k)/dp``, and that by time is ``h'(x^(k)) x^(k+1) + drift``. Simulation, fit
+and files use this one map.
 """
 
 import dataclasses
@@ -34,6 +34,7 @@ def _finite(name: str, value: Any) -> float:
     if not math.isfinite(number):
         raise UsageError(f"{name} must be a finite number, got {value!r}.")
     return number
+
 
 NAMES = (*_NAMES.values(), *(name for names in _RATES.values() for name in names), "Position")
 """Names of readings."""
@@ -103,7 +104,7 @@ class Observation:
 
     @property
     def name(self) -> str:
-        """Name of the reading for the axis of a plot, such as "Angular velocity"."""
+        """Name of the reading for a plot, such as "Angular velocity"."""
         if self.kind == "projection":
             return "Position"
         return _RATES[self.motion][self.order - 1] if self.order else _NAMES[self.motion]

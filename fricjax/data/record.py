@@ -165,7 +165,7 @@ class Record(Reported):
 
     @functools.cached_property
     def observation(self) -> Observation:
-        """Map from the motion to the reading: a displacement, unless the unit says otherwise."""
+        """Map from the motion to the reading, from its unit."""
         return observation_of(self.meta)
 
     @property
@@ -253,7 +253,10 @@ class Record(Reported):
             UsageError: xarray is not installed; the message shows how to install it.
         """
         x = np.where(~self.mask & (self.x == 0.0), np.nan, self.x)
-        variables = {"x": Variable("t", x, self.quantity, self.observation.name.lower()), "used": Variable("t", self.mask)}
+        variables = {
+            "x": Variable("t", x, self.quantity, self.observation.name.lower()),
+            "used": Variable("t", self.mask),
+        }
         if self.sigma is not None:
             sigma = np.broadcast_to(self.sigma, self.x.shape)
             variables["sigma"] = Variable("t", sigma, self.quantity, "standard deviation of the noise")
@@ -283,6 +286,21 @@ def _facts(record: Record) -> list[tuple[str, str]]:
         ("sigma", "not known" if trace.sigma is None else f"{float(np.median(np.asarray(trace.sigma))):.3g} {unit}"),
     ]
     return facts if record.release is None else [*facts, ("release", f"{record.release:.9g} s")]
+
+
+def check_displacement(record: Record, aim: str) -> None:
+    """Refuse a record that is no displacement; the message names the `aim`.
+
+    Raises:
+        DataError: the record is a velocity, an acceleration or a projection.
+    """
+    observation = record.observation
+    if observation.kind != "displacement":
+        name = record.name or "The record"
+        raise DataError(
+            f"{name} is a {observation.kind} in {observation.unit}, and {aim} needs a displacement or an angle. "
+            "Fit it with fricjax.fit."
+        )
 
 
 def labels(names: Sequence[str]) -> tuple[str, ...]:

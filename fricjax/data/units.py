@@ -197,7 +197,7 @@ def factor(unit: str, quantities: tuple[str, ...], subject: str) -> tuple[float,
 
 
 def gravity(unit: str | None) -> str | None:
-    """Return the unit of an acceleration in which "g" is standard gravity, not a gram."""
+    """Return the unit of an acceleration, with "g" as standard gravity."""
     return f"{unit.strip()}n" if unit is not None and unit.strip() in ("g", "mg") else unit
 
 

@@ -124,7 +124,9 @@ def _unseen(machine: Machine, stiffness: float) -> Contact:
 def _settlings(windows: Sequence[Window]) -> Iterator[_Settling]:
     for window in windows:
         segmentation = window.segmentation
-        if segmentation.rest is not None and segmentation.turning_times.size >= 1:
+        # Other readings do not show the place of the rest.
+        direct = window.observation.kind == "displacement"
+        if direct and segmentation.rest is not None and segmentation.turning_times.size >= 1:
             settling = _settling(window, segmentation)
             if settling is not None:
                 yield settling

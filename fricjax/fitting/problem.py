@@ -207,6 +207,12 @@ def displaced(problem: Problem) -> Callable[[Sequence[np.ndarray]], Problem]:
 
 
 def _check_windows(windows: Sequence[Window]) -> None:
+    quantities = sorted({window.quantity for window in windows})
+    if len(quantities) > 1:
+        raise UsageError(
+            f"One fit cannot join records in {' with records in '.join(quantities)}, because their residuals have no "
+            "common unit. Fit them one by one."
+        )
     for window, label in zip(windows, labels([window.name for window in windows]), strict=True):
         where = "" if len(windows) == 1 else f" of {label}"
         if window.used.sum() < 8:

@@ -22,8 +22,11 @@ amplitudes of an error that is periodic in the displacement [m]. A fit assumes t
 
 # An observation is a setting of a run: it has no leaves, and its fields are part of the structure.
 jax.tree_util.register_pytree_node(
-    Observation, lambda each: ((), (each.kind, each.motion, each.length, each.angle)), lambda fields, _: Observation(*fields)
+    Observation,
+    lambda each: ((), (each.kind, each.motion, each.length, each.angle)),
+    lambda fields, _: Observation(*fields),
 )
+
 
 # The parts of a problem are tuples. For each run several are made, and equinox modules are 50 times slower to read and
 # 100 times slower to make.
@@ -96,8 +99,9 @@ def errors_of_reading(observation: Observation, reading: Any, rate: Any, t: Any,
 
     Args:
         observation: map from the motion to the reading. Only a displacement has an error periodic in it.
-        reading: reading, shape (samples,); `rate`: its derivative by time, same shape.
-        t: times of the run [s], same shape.
+        reading: reading, shape (samples,).
+        rate: its derivative by time, shape (samples,).
+        t: times of the run [s], shape (samples,).
         period: period of the periodic error [m].
         xp: `numpy` or `jax.numpy`.
     """

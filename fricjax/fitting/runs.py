@@ -161,7 +161,7 @@ def _points_at_rest(window: Window) -> tuple[np.ndarray, np.ndarray]:
 
 
 def clear_of_jumps(window: Window) -> Window:
-    """Return the window without samples that may lie on either side of a jump.
+    """Drop samples that may lie on either side of a jump.
 
     An acceleration jumps at each reversal. A sample there that changes sides as the reversal moves would be a step of
     the residual, in which no solver finds an optimum.

@@ -243,9 +243,7 @@ class TabulatedModel:
                 for each, fill in ((run.t, run.t[-1]), (run.x, run.x[-1]), (weight, 0.0))
             )
             times, observation = t - at["t_release"], run.observation
-            motion = decay(
-                forces, self._meshes[number], release, times, True, _ITERATIONS, order=observation.order
-            )
+            motion = decay(forces, self._meshes[number], release, times, True, _ITERATIONS, order=observation.order)
             self._meshes[number] = self._meshes[number]._replace(amplitudes=motion.amplitudes)
             good = 1.0 if motion.resolved else np.nan
             reading = good * observation.read(motion.derivative[0]) + at["offset"] + at["drift"] * t

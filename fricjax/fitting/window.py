@@ -308,7 +308,7 @@ def _guess_state(
 
 
 def _offset(data: Record, segmentation: Segmentation) -> float:
-    """Return the start value of the offset, in the unit of the reading."""
+    """Return the start value of the offset, as a reading."""
     if data.observation.kind == "displacement":
         return equilibrium(segmentation)
     value = data.displacement - equilibrium(segmentation)
@@ -318,7 +318,7 @@ def _offset(data: Record, segmentation: Segmentation) -> float:
 
 
 def centre_of(observation: Observation, segmentation: Segmentation, offset: float) -> float:
-    """Return the equilibrium on the scale of the turning points [m or rad].
+    """Return the equilibrium among the turning points [m or rad].
 
     The zero of a displacement sensor is its `offset`. The turning points of other readings follow from the motion, so
     only their own middle is known.

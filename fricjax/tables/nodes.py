@@ -149,7 +149,7 @@ _QUINTIC = np.array(
 
 
 def _derivative_weights(xp: Any, q: Any, step: Any, order: int) -> Any:
-    """Return weights of (x, v, a) at the ends of a step for a derivative, shape (samples, 6)."""
+    """Return weights of (x, v, a) at both ends, shape (samples, 6)."""
     coefficients = np.polynomial.polynomial.polyder(_QUINTIC, order, axis=1)
     powers = xp.stack([q**k for k in range(coefficients.shape[1])], axis=-1)
     scale = xp.stack([xp.ones_like(step), step, step * step] * 2, axis=-1)

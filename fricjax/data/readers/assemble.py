@@ -99,18 +99,18 @@ def assemble(path: Path, kind: str, samples: Samples, choice: Choice, **of_forma
 
 
 def _refuse_without_unit(path: Path, x: Column, choice: Choice) -> None:
-    """Refuse a velocity or an acceleration without a unit, which is neither metres nor radians."""
+    """Refuse a velocity or an acceleration without a unit."""
     kind = None if x.unit or choice.unit else rate_of_change(x.name, None)
     if kind is not None:
         one, units = _RATES[kind]
         raise DataError(
-            f"'{x.name}' of {path.name} names no unit and seems to be {one}. Give its unit, such as {units}. If it is a "
-            "displacement or an angle, give that unit."
+            f"'{x.name}' of {path.name} names no unit and seems to be {one}. Give its unit, such as {units}. If it is "
+            "a displacement or an angle, give that unit."
         )
 
 
 def _projected(choice: Choice, quantity: str, where: str) -> dict[str, Any]:
-    """Return the metadata of a pendulum that was filmed; empty without its length."""
+    """Return the metadata of a filmed pendulum, if its length is given."""
     if choice.pendulum_length is None:
         return {}
     if quantity != "m":

@@ -125,8 +125,8 @@ def _check_circle(sheet: Sheet, x: Column, source: str) -> None:
     if np.isfinite(radius) and off < _ON_CIRCLE * straight:
         raise DataError(
             f"'x' and 'y' of {source} lie on a circle of radius {radius:.4g}, as of a filmed pendulum. "
-            "Then x = L sin(theta) is no displacement: give the length of the pendulum, pendulum_length='0.42 m', to fit "
-            "its angle, or column='x' to fit x as it is."
+            "Then x = L sin(theta) is no displacement: give the length of the pendulum, pendulum_length='0.42 m', to "
+            "fit its angle, or column='x' to fit x as it is."
         )
 
 

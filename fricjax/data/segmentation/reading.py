@@ -1,10 +1,10 @@
 """Segmentation of a reading that is not the displacement itself.
 
-Half-cycles, reversals and rest are those of the displacement. So an approximate displacement is derived from the reading
-once. It serves for start values only; the fit uses the reading. A velocity is integrated after its bias and drift are
-removed; an acceleration is integrated twice. Bias and drift are a straight line through the averages over one period:
-the average velocity over a period is the displacement after it over its duration, which is small in a decay and changes
-sign at each half-cycle. The position of a filmed pendulum is converted to its angle.
+Half-cycles, reversals and rest are those of the displacement. So an approximate displacement is derived from the
+reading once. It serves for start values only; the fit uses the reading. A velocity is integrated after its bias and
+drift are removed; an acceleration is integrated twice. Bias and drift are a straight line through the averages over one
+period: in a decay the average velocity over a period is small and changes sign at each half-cycle. The position of a
+filmed pendulum is converted to its angle.
 """
 
 import dataclasses
@@ -33,7 +33,8 @@ def segment_reading(
 
     Args:
         observation: the map from the motion to the reading.
-        t: times [s], shape (n,); `y`: reading, same shape.
+        t: times [s], shape (n,).
+        y: reading, shape (n,).
         sigma: stated noise of the reading, one number or shape (n,); None if unknown.
         mask: True where a sample is used, shape (n,).
 
@@ -64,7 +65,8 @@ def displacement_of(observation: Observation, t: np.ndarray, y: np.ndarray, peri
 
     Args:
         observation: the map from the motion to the reading.
-        t: times [s], shape (n,); `y`: reading, same shape.
+        t: times [s], shape (n,).
+        y: reading, shape (n,).
         period: duration of a cycle [s].
     """
     if observation.kind == "projection":
@@ -123,7 +125,7 @@ def _wander(t: np.ndarray, segmentation: Segmentation) -> np.ndarray:
 
 
 def _noise_of(segmentation: Segmentation, t: np.ndarray, y: np.ndarray, sigma: np.ndarray | None) -> dict:
-    """Return the noise of the reading; its kinks are the reversals of the motion."""
+    """Return the noise of the reading, which has kinks at the reversals."""
     stop = () if segmentation.rest is None else (segmentation.rest,)
     edges = np.concatenate([[segmentation.release], segmentation.turning_times, stop])
     step, interval, half_period = resolution(y), typical_interval(t), segmentation.half_period
