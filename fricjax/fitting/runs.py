@@ -169,7 +169,7 @@ def clear_of_jumps(window: Window) -> Window:
     if window.observation.order < 2:
         return window
     times, deflections = _points_at_rest(window)
-    t, uncertain = np.asarray(window.trace.t), _known_to(window, deflections, samples=0.0)
+    t, uncertain = np.asarray(window.trace.t), _known_to(window, deflections, samples=1.0)
     near = np.zeros(t.size, bool)
     for first, last in zip(*np.searchsorted(t, [times - uncertain, times + uncertain]), strict=True):
         near[first:last] = True

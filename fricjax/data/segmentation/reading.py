@@ -18,8 +18,6 @@ from .half_cycles import HalfCycles
 from .noise import resolution, typical_interval, white_noise
 from .swing import PreparedTrace, without_spikes
 
-# Averages over a period that remove slow noise from a first integral, so that the second one does not grow with time.
-_AVERAGES = 3
 # Fewest turning points that show an equilibrium.
 _FEWEST = 3
 
@@ -46,9 +44,6 @@ def segment_reading(
     period = 2 * segment(t[used], y[used], _used(sigma, used)).half_period
     moved = displacement_of(observation, t[used], y[used], period)
     segmentation = segment(t[used], moved)
-    if observation.order and segmentation.turning_points.size >= _FEWEST:
-        moved = moved - _wander(t[used], segmentation)
-        segmentation = segment(t[used], moved)
     gain = observation.gain(np.pi / segmentation.half_period)
     noise = _noise_of(segmentation, t[used], y[used], _used(sigma, used))
     scaled = {name: value / gain for name, value in noise.items() if name != "lines"}
@@ -73,11 +68,10 @@ def displacement_of(observation: Observation, t: np.ndarray, y: np.ndarray, peri
         # The pivot lies in the middle of the swing, seen from the equilibrium.
         middle = np.mean(_averages(t, y, period)) - observation.read(np.float64(0.0))
         return np.arcsin(np.clip((y - middle) / observation.length, -1.0, 1.0)) - observation.angle
-    for order in range(observation.order, 0, -1):
+    for _ in range(observation.order):
         y = _integrated(t, y - _line(t, y, period))
-        if order > 1:
-            y = y - _slow(t, y, period)
-    return y - np.mean(_averages(t, y, period))
+        y = _without_wander(t, y - np.mean(_averages(t, y, period)))
+    return y
 
 
 def _integrated(t: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -105,23 +99,17 @@ def _line(t: np.ndarray, y: np.ndarray, period: float) -> np.ndarray:
     return middle + (t - inside.mean()) * (u @ (averages - middle)) / (u @ u)
 
 
-def _slow(t: np.ndarray, y: np.ndarray, period: float) -> np.ndarray:
-    """Return the part of an integral that changes slowly, shape (n,)."""
-    for _ in range(_AVERAGES):
-        inside = t[(t >= t[0] + period / 2) & (t <= t[-1] - period / 2)]
-        averages = _averages(t, y, period)
-        y = np.interp(t, inside, averages) if inside.size else np.full(t.shape, averages[0])
-    return y
-
-
-def _wander(t: np.ndarray, segmentation: Segmentation) -> np.ndarray:
-    """Return the slow error of an integrated displacement, shape (n,).
+def _without_wander(t: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Remove the slow error of an integral, shape (n,).
 
     Noise adds up in an integral. Three turning points on alternating sides show the equilibrium about them,
     (X[n-1] + 2 X[n] + X[n+1])/4.
     """
-    points = segmentation.turning_points
-    return np.interp(t, segmentation.turning_times[1:-1], (points[:-2] + 2 * points[1:-1] + points[2:]) / 4)
+    segmentation = segment(t, y)
+    times, points = segmentation.turning_times, segmentation.turning_points
+    if points.size < _FEWEST:
+        return y
+    return y - np.interp(t, times[1:-1], (points[:-2] + 2 * points[1:-1] + points[2:]) / 4)
 
 
 def _noise_of(segmentation: Segmentation, t: np.ndarray, y: np.ndarray, sigma: np.ndarray | None) -> dict:
