@@ -295,7 +295,7 @@ def _displacement(columns: Sequence[Column], choice: Choice, source: str) -> Col
         for column in columns
         if not column.is_time and (column in usable if bare else column.bare or not counts_rows(column))
     ]
-    candidates = [column for column in candidates if rate_of_change(column.last, column.unit) is None] or candidates
+    candidates = _without_rates(candidates)
     if not candidates:
         names = quoted(_labels(columns))
         raise DataError(f"{source} holds no displacement, only {names or 'no columns'}; name one with column=.")
@@ -321,6 +321,15 @@ def _displacement(columns: Sequence[Column], choice: Choice, source: str) -> Col
             break
     names = quoted(_labels(candidates))
     raise DataError(f"{source} has several columns that could be the displacement ({names}); name one with column=.")
+
+
+def _without_rates(columns: list[Column]) -> list[Column]:
+    """Prefer displacements to their rates of change, and these to columns of other units."""
+    rates = [column for column in columns if rate_of_change(column.last, column.unit) is not None]
+    others = [column for column in columns if column not in rates]
+    usable = any(column.fault is None and measures(column.unit) in (None, "m", "rad") for column in others)
+    known = [column for column in rates if column.fault is None]
+    return known if known and not usable else others or columns
 
 
 def _is_usual(column: Column) -> bool:
