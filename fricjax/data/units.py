@@ -198,7 +198,7 @@ def factor(unit: str, quantities: tuple[str, ...], subject: str) -> tuple[float,
 
 def gravity(unit: str | None) -> str | None:
     """Return the unit of an acceleration, with "g" as standard gravity."""
-    return f"{unit.strip()}n" if unit is not None and unit.strip() in ("g", "mg") else unit
+    return f"{unit.strip()}n" if isinstance(unit, str) and unit.strip() in ("g", "mg") else unit
 
 
 def check_rate(rate: Any) -> None:

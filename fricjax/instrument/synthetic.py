@@ -40,7 +40,6 @@ def synthetic_run(
     hold: float = 0.0,
     release_time_constant: float = 0.0,
     floor_acceleration_psd: float = 0.0,
-    observation: str | Observation = "displacement",
     **instrument: Any,
 ) -> Record:
     """Simulate the record of a displacement interferometer, or of another sensor.
@@ -60,10 +59,10 @@ def synthetic_run(
         hold: time at rest at `x0` before the release [s]; the release is at ``t = hold``.
         release_time_constant: decay time of the force of the holding magnet [s]; 0: instantaneous release.
         floor_acceleration_psd: one-sided power spectral density of the white floor acceleration [(m/s^2)^2/Hz].
-        observation: the map from the motion to the reading: "displacement", "velocity", "acceleration", or an
-            :class:`fricjax.Observation`.
         **instrument: the other fields of :class:`Interferometer`: `quantisation`, `offset`, `drift`,
-            `periodic_nonlinearity`, `wavelength`, `passes`, `sampling_jitter`, `scale_error`.
+            `periodic_nonlinearity`, `wavelength`, `passes`, `sampling_jitter`, `scale_error`. And `observation`, the
+            map from the motion to the reading: "displacement", "velocity", "acceleration", or an
+            :class:`fricjax.Observation`.
 
     Returns:
         The record. `trace.sigma` combines noise and rounding (None without both). `meta` contains everything needed to
@@ -82,6 +81,7 @@ def synthetic_run(
         ((500,), ['motion', 'offset', 'noise'])
     """
     run = Run(x0, v0, rate, duration, hold, release_time_constant, floor_acceleration_psd)
+    named = instrument.pop("observation", "displacement")
     interferometer = _interferometer(noise, instrument)
     # By their shortest unambiguous names, as in a fit.
     check_type("oscillator", oscillator, Oscillator, "an Oscillator")
@@ -92,7 +92,7 @@ def synthetic_run(
     children = np.random.SeedSequence(int(seed)).spawn(len(_STREAMS))
     generators = {name: np.random.default_rng(child) for name, child in zip(_STREAMS, children, strict=True)}
     t = np.arange(run.samples) / run.rate
-    observed = observed_as(observation, "rad" if isinstance(oscillator.restoring, Pendulum) else "m")
+    observed = observed_as(named, "rad" if isinstance(oscillator.restoring, Pendulum) else "m")
     _check_effects(observed, interferometer)
     x, v, moved = _motion(oscillator, run, t, generators["floor"], observed)
     x, effects = interferometer.observe(t, x, v, generators)
@@ -102,7 +102,7 @@ def synthetic_run(
 
 def _interferometer(noise: float, instrument: dict[str, Any]) -> Interferometer:
     names = [field.name for field in (*dataclasses.fields(Interferometer), *dataclasses.fields(Run))]
-    known = [*names, "seed"]
+    known = [*names, "observation", "seed"]
     for name in instrument:
         if name not in known:
             raise UsageError(f"synthetic_run has no keyword {name!r}.{nearest(name, known)} It has {', '.join(known)}.")
@@ -138,8 +138,8 @@ def _motion(
         conditions = {name: value for name, value in dataclasses.asdict(observation).items() if name != "motion"}
         steps.append(Step("observation", conditions, f"{observation.name.lower()} in {observation.unit}"))
     before_release = t < run.hold
-    held = observation.read(np.float64(0.0 if observation.order else run.x0))
-    return np.where(before_release, held, reading), np.where(before_release, 0.0, motion.v), tuple(steps)
+    still = observation.read(np.float64(0.0 if observation.order else run.x0))
+    return np.where(before_release, still, reading), np.where(before_release, 0.0, motion.v), tuple(steps)
 
 
 def _integrate(

@@ -37,7 +37,7 @@ READINGS = {
 
 def record(name, seed=0, duration=1.5):
     kind, oscillator, sensor = READINGS[name]
-    return fj.synthetic_run(oscillator, 10e-3, rate=500.0, duration=duration, seed=seed, observation=kind, **sensor)
+    return fj.synthetic_run(oscillator, 10e-3, rate=500.0, duration=duration, seed=seed, observation=kind, noise=noise)
 
 
 @pytest.fixture(scope="module")
@@ -185,8 +185,8 @@ ENGINES = {
 @pytest.mark.parametrize("kind", ["velocity", "acceleration"])
 def test_derivatives_of_an_engine_are_those_of_finite_differences(engine, kind):
     name, law = ENGINES[engine]
-    sensor = {"velocity": {"noise": 3e-4}, "acceleration": {"noise": 1e-2}}[kind]
-    run = fj.synthetic_run(machine(law), 10e-3, rate=500.0, duration=0.7, observation=kind, **sensor)
+    noise = {"velocity": 3e-4, "acceleration": 1e-2}[kind]
+    run = fj.synthetic_run(machine(law), 10e-3, rate=500.0, duration=0.7, observation=kind, noise=noise)
     residual = untabulated(problem_of(run, machine(law), FREE, engine=name).condensed)
     y = np.zeros(residual.n_parameters)
     residual = with_mesh(residual, y)
