@@ -37,7 +37,7 @@ READINGS = {
 
 def record(name, seed=0, duration=1.5):
     kind, oscillator, sensor = READINGS[name]
-    return fj.synthetic_run(oscillator, 10e-3, rate=500.0, duration=duration, seed=seed, observation=kind, noise=noise)
+    return fj.synthetic_run(oscillator, 10e-3, rate=500.0, duration=duration, seed=seed, observation=kind, **sensor)
 
 
 @pytest.fixture(scope="module")
