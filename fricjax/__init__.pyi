@@ -21,7 +21,7 @@ from .calibrate.frf import calibrate_frf
 from .calibrate.interferometer import calibrate_interferometer
 from .calibrate.ringdown import calibrate_added_mass, calibrate_ringdown
 from .comparison import Comparison, compare
-from .data import Record, Trace, read, write
+from .data import Observation, Record, Trace, read, write
 from .energy_loss.agreement import compare_routes
 from .energy_loss.force_fit import fit_force_map
 from .energy_loss.force_map import friction_force_map
@@ -39,7 +39,7 @@ from .fitting import (
     multistart,
 )
 from .instrument import synthetic_run
-from .oscillator import Motion, Oscillator, energy, final_displacement, restoring, simulate
+from .oscillator import Motion, Oscillator, energy, final_displacement, observe, restoring, simulate
 from .pairs.displacements import pairs_of
 from .pairs.final_displacement import fit_final_displacements
 from .pairs.release import fit_release
@@ -58,6 +58,7 @@ __all__ = [
     "Measured",
     "Motion",
     "Multistart",
+    "Observation",
     "Oscillator",
     "Record",
     "Rig",
@@ -92,6 +93,7 @@ __all__ = [
     "instrument",
     "load_fit",
     "multistart",
+    "observe",
     "open_archive",
     "oscillator",
     "pairs",

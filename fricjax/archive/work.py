@@ -208,11 +208,15 @@ def _pictures_of(record: Record | Exception, segmentation: Segmentation | None) 
     # The fit rejects a record that is no decay, with its reason.
     with contextlib.suppress(DataError):
         segmentation = segmentation or record.segmentation
-        middle = equilibrium(segmentation)
-        facts["reversal_t"] = segmentation.turning_times - record.t[0]
-        facts["reversal_x"] = segmentation.turning_points - middle
-        if segmentation.turning_points.size:
-            facts["amplitude"] = abs(float(segmentation.turning_points[0]) - middle)
+        points, gain = segmentation.turning_points - equilibrium(segmentation), segmentation.gain
+        if record.observation.kind == "displacement":
+            middle, shown = equilibrium(segmentation), points
+        else:
+            shown = np.interp(segmentation.turning_times, record.t[known], x[known]) - middle
+        facts["reversal_t"], facts["reversal_x"] = segmentation.turning_times - record.t[0], shown
+        if points.size:
+            # In the unit of the reading, like the other columns.
+            facts["amplitude"] = gain * abs(float(points[0]))
     chosen = few(t.size)
     return {**facts, "sketch_t": t[chosen], "sketch_x": np.where(known, x - middle, np.nan)[chosen]}
 

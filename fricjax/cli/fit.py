@@ -158,9 +158,9 @@ def report(fit: "Fit", choice: "Choice") -> tuple[dict[str, Any], str]:
     from ..fitting.show import facts, kinematics_table
 
     sentences = list(fit.warnings)
-    if fit.quantity == "rad" and type(fit.oscillator.restoring).__name__ == "Linear":
+    if fit.observation.motion == "rad" and type(fit.oscillator.restoring).__name__ == "Linear":
         sentences.append(
-            "The record is an angle, but its restoring force was taken as linear: see --restoring pendulum."
+            "The motion is a rotation, but its restoring force was taken as linear: see --restoring pendulum."
         )
     # Without a rig, mu and mu_s belong to a unit mass under unit load.
     lines = [f"{name + ':':<13}{text}" for name, text in facts(fit) if name != "mu_s"]

@@ -76,12 +76,20 @@ class Reading:
         str | None, Option(help="Run to read from a file with several runs: a number such as 3, or all.")
     ] = None
     unit: Annotated[
-        str | None, Option(help='Unit of the displacement: m, mm, um, nm, rad, deg, or a scale such as "12.5 um/V".')
+        str | None,
+        Option(
+            help='Unit of the displacement: m, mm, um, nm, rad, deg, or a scale such as "12.5 um/V"; or of a velocity '
+            "or an acceleration: rad/s, deg/s, m/s, m/s^2, g."
+        ),
     ] = None
     time_unit: Annotated[str | None, Option(help="Unit of the time: s, ms, us ...")] = None
     rate: Annotated[float | None, Option(help="Samples per second, for a file without a time column.")] = None
     sigma: Annotated[
         float | None, Option(help="Noise of one sample (standard deviation), in the displacement's unit.")
+    ] = None
+    pendulum_length: Annotated[
+        str | None,
+        Option(help='Length of a pendulum that was filmed from the front, such as "0.42 m"; the column is its x.'),
     ] = None
     sign: Annotated[int | None, Option(help="Use -1 to reverse the direction of the displacement.")] = None
     delimiter: Annotated[str | None, Option(help="Separator of the columns of a text file.")] = None

@@ -29,7 +29,7 @@ def check_records(paths: Sequence[Path], reading: Reading) -> None:
     from ..data.read import check
     from ..data.readers.choice import Choice, faults_of
     from ..data.readers.header import scale_of
-    from ..data.units import DISPLACEMENT, TIME
+    from ..data.units import READING, TIME, gravity
 
     for path in paths:
         check_file(path)
@@ -45,8 +45,9 @@ def check_records(paths: Sequence[Path], reading: Reading) -> None:
     if options:
         if reading.repair is not None:
             faults_of(reading.repair)
-        Choice(time=reading.time, rate=reading.rate, sign=1 if reading.sign is None else reading.sign)
-        scale_of(None, reading.unit, DISPLACEMENT, "the displacement", "unit")
+        sign = 1 if reading.sign is None else reading.sign
+        Choice(time=reading.time, rate=reading.rate, sign=sign, pendulum_length=reading.pendulum_length)
+        scale_of(None, gravity(reading.unit), READING, "the displacement", "unit")
         scale_of(None, reading.time_unit, TIME, "the time", "time_unit")
 
 
@@ -66,7 +67,7 @@ def read_records(paths: Sequence[Path], reading: Reading) -> list["Record"]:
 
     Raises:
         DataError: a file or record that cannot be used.
-        UsageError: options that do not fit the format, or lengths and angles in one fit.
+        UsageError: options that do not fit the format, or records of different quantities in one fit.
     """
     from ..data import read
 
@@ -74,9 +75,11 @@ def read_records(paths: Sequence[Path], reading: Reading) -> list["Record"]:
     for path in paths:
         content = read(path, **options_of(reading))
         records += content if isinstance(content, list) else [content]
-    if len({record.quantity for record in records}) > 1:
+    quantities = sorted({record.quantity for record in records})
+    if len(quantities) > 1:
         raise UsageError(
-            "One fit cannot join records in m with records in rad: give files of one quantity, or a --unit."
+            f"One fit cannot join records in {' with records in '.join(quantities)}: give files of one quantity, or a "
+            "--unit."
         )
     return records
 

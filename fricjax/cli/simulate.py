@@ -45,10 +45,13 @@ class Run:
 
 @dataclasses.dataclass(frozen=True)
 class Instrument:
-    """Options for the errors of the interferometer."""
+    """Options for the instrument and its errors."""
 
     PANEL: ClassVar = "Instrument"
 
+    observation: Annotated[
+        str, Option(help="Reading: displacement, velocity or acceleration. Its errors are in its own unit.")
+    ] = "displacement"
     noise: Annotated[float, Option(help="Standard deviation of white noise in m.")] = 0.0
     quantisation: Annotated[float, Option(help="Smallest count in m.")] = 0.0
     offset: Annotated[float, Option(help="Reading at equilibrium in m.")] = 0.0
@@ -75,7 +78,7 @@ def simulate(
     with working(output, "Simulating"):
         prepare(output)
         motion, record, facts = simulated(run, choice, x0, instrument)
-    text = _text(facts, record.quantity)
+    text = _text(facts, record.observation.motion)
 
     def write() -> dict[str, str]:
         from ..data import write as write_record
@@ -88,6 +91,7 @@ def simulate(
 
 def _known(run: Run, machine: Machine, instrument: Instrument) -> "tuple[Choice, float]":
     """Check all numbers; return the machine and the release [m or rad]."""
+    from ..data.observation import observed_as
     from ..instrument.interferometer import Interferometer
     from ..instrument.run import Run as Numbers
     from ..instrument.run import check_seed
@@ -101,6 +105,7 @@ def _known(run: Run, machine: Machine, instrument: Instrument) -> "tuple[Choice,
     Numbers(**numbers)
     interferometer = dataclasses.asdict(instrument)
     check_seed(interferometer.pop("seed"))
+    observed_as(interferometer.pop("observation"), "m")
     Interferometer(**interferometer)
     return choice, x0
 
@@ -195,7 +200,6 @@ def _picture(motion: "Motion", record: "Record") -> Any:
     import numpy as np
 
     from ..show import axis_label, display_unit, figure, rotary_unit
-    from ..show.units import displacement_name
 
     drawing, axes = figure(2, 1, share_x=True, heights=(3, 2))
     top, bottom = axes[:, 0]
@@ -206,8 +210,8 @@ def _picture(motion: "Motion", record: "Record") -> Any:
     if stop <= t[-1]:
         top.axvspan(stop, t[-1], color="0.92", zorder=0, label=f"at rest from {stop:.6g} s")
         top.legend(loc="upper right", fontsize=8)
-    top.set_ylabel(axis_label(displacement_name(record.quantity), unit))
-    factor, unit = display_unit(float(np.max(np.abs(force))), rotary_unit("N", record.quantity))
+    top.set_ylabel(axis_label(record.observation.name, unit))
+    factor, unit = display_unit(float(np.max(np.abs(force))), rotary_unit("N", record.observation.motion))
     bottom.plot(np.asarray(motion.t), factor * force, color="#D55E00")
     bottom.set_ylabel(axis_label("Friction force", unit))
     bottom.set_xlabel(axis_label("Time", "s"))

@@ -58,7 +58,7 @@ def fingerprints(windows: Sequence[Window], oscillator: Oscillator) -> tuple[str
     Returns:
         A sentence or two for each effect that the runs show.
     """
-    quantity = windows[0].quantity
+    quantity = windows[0].motion
     backs = [spring_back(window) for window in windows]
     depths = [back for back in backs if back is not None]
     springs = bool(depths) and len(depths) == sum(window.segmentation.rest is not None for window in windows)
@@ -160,7 +160,7 @@ class _HalfCycles(NamedTuple):
         deflection: Any = points - equilibrium(segmentation)
         stiffness = oscillator.stiffness
         energy = np.asarray(oscillator.restoring.potential(deflection, stiffness))
-        noise = float(np.median(window.sigma)) * np.abs(deflection)
+        noise = float(np.median(window.sigma)) / window.gain * np.abs(deflection)
         variance = noise[:-1] ** 2 + noise[1:] ** 2
         shared = -(noise[1:-1] ** 2)
         return cls(
@@ -176,11 +176,11 @@ class _HalfCycles(NamedTuple):
 def spring_back(window: Window) -> float | None:
     """Distance of the rest position from the last turning point [m].
 
-    It is None if it is within the noise.
+    It is None if it is within the noise, or if the record is no displacement.
     """
     segmentation = without_ringing(window.segmentation)
     rest, half = segmentation.rest, segmentation.half_period
-    if rest is None or not segmentation.turning_points.size:
+    if window.observation.kind != "displacement" or rest is None or not segmentation.turning_points.size:
         return None
     t, x = np.asarray(window.trace.t), np.asarray(window.trace.x)
     usable = np.asarray(window.trace.mask)

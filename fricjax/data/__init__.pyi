@@ -1,4 +1,5 @@
 from .inspect import Inspection, inspect
+from .observation import Observation
 from .preprocess import (
     convert_unit,
     crop,
@@ -18,6 +19,7 @@ from .write import write
 
 __all__ = [
     "Inspection",
+    "Observation",
     "Record",
     "Segmentation",
     "Step",

@@ -28,19 +28,21 @@ _GRAVITY = 9.80665  # m/s^2
 _LEAST_DENSITY = 1e-15
 # Ratio of noise to amplitude below which a record is computed: its only noise is rounding.
 _COMPUTED = 1e-10
-_OF_SEGMENTATION = (
-    "noise", "white_noise", "lines", "resolution", "amplitude", "cycles", "n_half_cycles", "open", "half_period",
+_OF_READING = ("noise", "white_noise", "resolution")
+_OF_MOTION = (
+    "amplitude", "cycles", "n_half_cycles", "open", "half_period",
     "frequency", "release", "first_reversal", "rest", "rest_position",
 )  # fmt: skip
 
 
 @dataclasses.dataclass(frozen=True)
 class Inspection(Reported):
-    """Result of `inspect`: times in s, frequencies in Hz, displacements in `unit`.
+    """Result of `inspect`: times in s, frequencies in Hz, readings in `unit`.
 
-    The unit is "m" or "rad". The fields include those of a `Segmentation`. Fields of the record are `samples`,
-    `masked`, `duration`, `rate`, `regular` (even spacing), `gaps` and `longest_gap`. `record` is the inspected record,
-    and `warnings` are sentences about doubtful values.
+    Noise, hum and resolution are those of the reading. `amplitude` and `rest_position` are displacements in `motion`,
+    "m" or "rad". They are approximate if `observation` is not "displacement". The fields include those of a
+    `Segmentation`. Fields of the record are `samples`, `masked`, `duration`, `rate`, `regular` (even spacing), `gaps`
+    and `longest_gap`. `record` is the inspected record, and `warnings` are sentences about doubtful values.
 
     Examples:
         >>> import fricjax as fj
@@ -51,6 +53,8 @@ class Inspection(Reported):
 
     source: str
     unit: str
+    motion: str
+    observation: str
     samples: int
     masked: int
     duration: float
@@ -80,7 +84,7 @@ class Inspection(Reported):
         data = {name: value for name, value in vars(self).items() if name != "record"}
         times = ("duration", "longest_gap", "half_period", "release", "first_reversal", "rest")
         units: dict[str, str] = dict.fromkeys(times, "s")
-        units |= dict.fromkeys(("noise", "white_noise", "resolution", "amplitude", "rest_position"), self.unit)
+        units |= dict.fromkeys(_OF_READING, self.unit) | dict.fromkeys(("amplitude", "rest_position"), self.motion)
         units |= dict.fromkeys(("rate", "frequency"), "Hz")
         return Report([], _rows(self), warnings=self.warnings, heading="Record", data=data, units=units)
 
@@ -122,6 +126,8 @@ def inspect(record: Any) -> Inspection:
     return Inspection(
         source=record.name or "in memory",
         unit=record.quantity,
+        motion=record.observation.motion,
+        observation=record.observation.kind,
         samples=trace.n,
         masked=trace.n - int(trace.n_used),
         duration=float(trace.duration),
@@ -129,12 +135,14 @@ def inspect(record: Any) -> Inspection:
         regular=bool(np.all(np.abs(steps - step) <= REGULAR * step)),
         gaps=int(gaps.size),
         longest_gap=float(gaps.max()) if gaps.size else 0.0,
-        **{name: getattr(segmentation, name) for name in _OF_SEGMENTATION},
+        **{name: segmentation.gain * getattr(segmentation, name) for name in _OF_READING},
+        lines=tuple((frequency, segmentation.gain * size) for frequency, size in segmentation.lines),
+        **{name: getattr(segmentation, name) for name in _OF_MOTION},
         record=record,
         warnings=(
             *record.doubts,
             *reported_faults(record).values(),
-            *implausible_scale(segmentation, step, angular=record.quantity == "rad"),
+            *implausible_scale(segmentation, step, angular=record.observation.motion == "rad"),
         ),
     )
 
@@ -143,15 +151,18 @@ def _rows(inspection: Inspection) -> list[tuple[str, str]]:
     unit = inspection.unit
     spacing = "regular" if inspection.regular else "irregular"
     gaps = f"{inspection.gaps}, the longest {inspection.longest_gap:.4g} s" if inspection.gaps else "none"
-    rest = "none: the record ends in motion"
+    direct, rest = inspection.observation == "displacement", "none: the record ends in motion"
     if inspection.rest is not None:
-        rest = f"{inspection.rest:.6g} s at {engineering(inspection.rest_position or 0.0, unit, 6)}"
+        place = engineering(inspection.rest_position or 0.0, inspection.motion, 6)
+        # An integral has no zero.
+        rest = f"{inspection.rest:.6g} s at {place}" if direct else f"{inspection.rest:.6g} s"
     noise, white = (engineering(size, unit) for size in (inspection.noise, inspection.white_noise))
     hum = ", ".join(f"{engineering(size, unit)} at {frequency:.4g} Hz" for frequency, size in inspection.lines)
     others = ", ".join(str(inspection.n_half_cycles + step) for step in inspection.open)
     possibly = f", possibly {others}" if others else ""
     return [
         ("source", inspection.source),
+        *([] if direct else [("reading", f"{inspection.record.observation.name.lower()} in {unit}")]),
         ("samples", f"{inspection.samples}, {inspection.masked} masked"),
         ("duration", f"{inspection.duration:.6g} s"),
         ("rate", f"{inspection.rate:.6g} Hz, {spacing}"),
@@ -159,7 +170,7 @@ def _rows(inspection: Inspection) -> list[tuple[str, str]]:
         ("noise", f"{noise} rms, of which {white} white"),
         ("hum at rest", hum or "none seen"),
         ("resolution", engineering(inspection.resolution, unit) if inspection.resolution else "no steps seen"),
-        ("amplitude", engineering(inspection.amplitude, unit, 6)),
+        ("amplitude", engineering(inspection.amplitude, inspection.motion, 6 if direct else 3)),
         ("half-cycles", f"{inspection.n_half_cycles} ({inspection.cycles:g} cycles){possibly}"),
         ("half-period", f"{inspection.half_period:.6g} s ({inspection.frequency:.6g} Hz)"),
         ("release", f"{inspection.release:.6g} s"),

@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import DataError, brief
+from ..errors import DataError, UsageError, brief
+from .observation import NAMES, observation_of
 from .record import Record, Step
 
 SCHEMA = 1
@@ -86,8 +87,10 @@ def _meta(texts: dict[str, str], source: str) -> dict[str, Any]:
     meta = _json(texts, "meta", source)
     if not isinstance(meta, dict):
         raise damaged(source, f"'meta' must be an object, but it is {brief(meta)}")
-    if meta.get("quantity", "m") not in ("m", "rad"):
-        raise damaged(source, f"'quantity' must be 'm' or 'rad', but it is {brief(meta['quantity'])}")
+    try:
+        observation_of(meta)
+    except (DataError, UsageError, TypeError) as error:
+        raise damaged(source, str(error)[:200].rstrip(".")) from error
     release = meta.get("release_time")
     if release is not None and not (isinstance(release, float | int) and abs(release) < 1e300):
         raise damaged(source, f"'release_time' must be a number of seconds, but it is {brief(release)}")
@@ -126,7 +129,9 @@ def to_text(record: Record) -> str:
     elif "sigma" in arrays:
         names = ["t", "x", "sigma", "mask"]
     units = {"t": "s", "x": record.quantity, "sigma": record.quantity}
-    titles = [f"{COLUMNS[name]} [{units[name]}]" if name in units else COLUMNS[name] for name in names]
+    observation = record.observation
+    columns = COLUMNS | ({} if observation.kind == "displacement" else {"x": observation.name})
+    titles = [f"{columns[name]} [{units[name]}]" if name in units else columns[name] for name in names]
     lines = [f"# {key}: {value}" for key, value in head.items()] + [",".join(titles)]
     shown = {**arrays, "x": np.where(~arrays["mask"] & (arrays["x"] == 0.0), np.nan, arrays["x"])}
     shown["mask"] = arrays["mask"].astype(int)
@@ -142,7 +147,7 @@ def restore_text(path: Path, lines: list[str]) -> Record | None:
     check_schema(head[MARK], path.name)
     start = next((i for i, line in enumerate(lines) if not line.startswith("#")), len(lines))
     titles = lines[start].split(",") if start < len(lines) else []
-    by_title = {title: name for name, title in COLUMNS.items()}
+    by_title = {title: name for name, title in COLUMNS.items()} | dict.fromkeys(NAMES, "x")
     names = [by_title.get(title.split(" [")[0], title) for title in titles]
     try:
         table = np.array([[float(field) for field in line.split(",")] for line in lines[start + 1 :] if line.strip()])

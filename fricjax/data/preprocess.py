@@ -9,7 +9,7 @@ from ..numbers import scalar
 from .record import Record, Step
 from .segmentation.decay import Segmentation
 from .trace import MINIMUM_SAMPLES, Trace
-from .units import DISPLACEMENT, TIME, factor
+from .units import READING, TIME, factor, gravity
 
 
 def segment_record(record: Record) -> Segmentation:
@@ -83,7 +83,7 @@ def convert_unit(record: Record, unit: str, time_unit: str | None = None) -> Rec
     """
     check_type("record", record, Record, "a Record")
     trace = record.trace
-    scale, quantity = factor(unit, DISPLACEMENT, "the displacement")
+    scale, quantity = factor(gravity(unit) or unit, READING, "the displacement")
     time_scale = 1.0 if time_unit is None else factor(time_unit, TIME, "the time")[0]
     sigma = None if trace.sigma is None else np.asarray(trace.sigma) * scale
     converted = Trace(np.asarray(trace.t) * time_scale, np.asarray(trace.x) * scale, sigma, trace.mask)

@@ -77,7 +77,10 @@ def read(source: Any, **options: Any) -> Any:
               (`.npz`, `.mat`: also `"s.signals.values"`, `"cells[0]"`, `"a+b"`) or path (`.h5`: `"/run1/x"`)
             - `run`: number or name of the run in a file with several; "all" returns a list of all runs
             - `unit`, `time_unit`: the units if the file has none (default m and s), or the scale of the raw values,
-              such as "12.5 um/V"; a unit that contradicts the file is refused
+              such as "12.5 um/V"; a unit that contradicts the file is refused. With a unit of velocity or acceleration
+              (rad/s, deg/s, m/s, m/s^2, g) the record is one: see `fricjax.Observation`
+            - `pendulum_length`: length of a pendulum that was filmed from the front, such as 0.42 or "0.42 m"; the
+              column is then its horizontal position ``L sin(theta)``
             - `rate`: samples per second, if there are no times
             - `sigma`: standard deviation of the noise, in the unit of the displacement
             - `sign`: -1 reverses the direction
@@ -91,7 +94,7 @@ def read(source: Any, **options: Any) -> Any:
             Records take `sigma` and `sign`.
 
     Returns:
-        A `Record` in SI units (metres or radians, seconds); a list of records for `run="all"`. Samples without a value
+        A `Record` in SI units; a list of records for `run="all"`. Samples without a value
         are masked and counted in the log.
 
     Raises:

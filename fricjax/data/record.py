@@ -16,7 +16,7 @@ from ..errors import DataError, first_of
 from ..show import Report, Reported, Style, styled
 from ..show.tables import Variable, dataset
 from ..show.thumbnail import Curve, curves_svg
-from ..show.units import displacement_name
+from .observation import Observation, observation_of
 from .segmentation.decay import Segmentation, segment
 
 if TYPE_CHECKING:
@@ -57,9 +57,10 @@ class Record(Reported):
 
     **Fields:**
 
-    - `trace`: times [s] and displacements [m] or angles [rad].
+    - `trace`: times [s] and the reading: displacements [m] or angles [rad], or another `observation` of the motion.
     - `meta`: metadata that JSON can store: `source`, `format`, `columns`, `units` (as found in the source),
-      `quantity` (`"m"` or `"rad"`), `release_time` [s] if known, and the entries that later steps add.
+      `quantity` (unit of the reading, such as `"m"` or `"rad/s"`), `projection` (`length` and `angle` of a filmed
+      pendulum), `release_time` [s] if known, and the entries that later steps add.
     - `log`: all steps so far, in order.
 
     Examples:
@@ -104,7 +105,7 @@ class Record(Reported):
 
     @property
     def x(self) -> np.ndarray:
-        """Displacements [m] or angles [rad], shape (n,).
+        """Reading in SI units (`quantity`), shape (n,).
 
         Samples without a value are stored as 0; their `mask` is False.
         """
@@ -147,10 +148,36 @@ class Record(Reported):
         Raises:
             DataError: x is constant, there are too few samples, altogether or per half-cycle, or the clock jumps.
         """
+        return self._motion[0]
+
+    @functools.cached_property
+    def _motion(self) -> tuple[Segmentation, np.ndarray]:
+        """Segmentation and displacement."""
+        trace, observation = self.trace, self.observation
         try:
-            return segment(self.trace.t, self.trace.x, self.trace.sigma, self.trace.mask)
+            if observation.kind == "displacement":
+                return segment(trace.t, trace.x, trace.sigma, trace.mask), self.x
+            from .segmentation.reading import segment_reading
+
+            return segment_reading(observation, self.t, self.x, self.sigma, self.mask)
         except DataError as error:
             raise DataError(f"{self.name}: {error}" if self.name else str(error)) from error
+
+    @functools.cached_property
+    def observation(self) -> Observation:
+        """Map from the motion to the reading, from its unit."""
+        return observation_of(self.meta)
+
+    @property
+    def displacement(self) -> np.ndarray:
+        """Displacement of the mass [m or rad], shape (n,).
+
+        It is approximate if the record is another `observation`: start values of a fit follow from it, not its result.
+
+        Raises:
+            DataError: as for `segmentation`.
+        """
+        return self.x if self.observation.kind == "displacement" else self._motion[1]
 
     @property
     def release(self) -> float | None:
@@ -159,7 +186,10 @@ class Record(Reported):
 
     @property
     def quantity(self) -> str:
-        """The unit of the displacement: `"m"`, or `"rad"` for a rotary rig."""
+        """SI unit of the reading: `"m"`, or `"rad"` for a rotary rig.
+
+        It is such as `"rad/s"` for another `observation`.
+        """
         return self.meta.get("quantity", "m")
 
     @property
@@ -179,7 +209,7 @@ class Record(Reported):
 
     def thumbnails(self) -> Sequence[str]:
         curve = Curve(self.t, np.where(self.mask, self.x, np.nan))
-        return [curves_svg([curve], ("Time", "s"), (displacement_name(self.quantity), self.quantity))]
+        return [curves_svg([curve], ("Time", "s"), (self.observation.name, self.quantity))]
 
     def plot(self, *, style: Style = "screen") -> Any:
         """Plot the trace, its segmentation and the spectrum of the rest.
@@ -199,7 +229,7 @@ class Record(Reported):
             segmentation, title = self.segmentation, self.name
         except DataError as error:
             segmentation, title = None, str(error)
-        return styled(record_figure(self.trace, self.quantity, segmentation, title), style)
+        return styled(record_figure(self.trace, self.observation, segmentation, title), style)
 
     def to_dataframe(self) -> Any:
         """Return a pandas table with the columns `t`, `x` and `used`.
@@ -223,7 +253,10 @@ class Record(Reported):
             UsageError: xarray is not installed; the message shows how to install it.
         """
         x = np.where(~self.mask & (self.x == 0.0), np.nan, self.x)
-        variables = {"x": Variable("t", x, self.quantity, "displacement"), "used": Variable("t", self.mask)}
+        variables = {
+            "x": Variable("t", x, self.quantity, self.observation.name.lower()),
+            "used": Variable("t", self.mask),
+        }
         if self.sigma is not None:
             sigma = np.broadcast_to(self.sigma, self.x.shape)
             variables["sigma"] = Variable("t", sigma, self.quantity, "standard deviation of the noise")
@@ -253,6 +286,21 @@ def _facts(record: Record) -> list[tuple[str, str]]:
         ("sigma", "not known" if trace.sigma is None else f"{float(np.median(np.asarray(trace.sigma))):.3g} {unit}"),
     ]
     return facts if record.release is None else [*facts, ("release", f"{record.release:.9g} s")]
+
+
+def check_displacement(record: Record, aim: str) -> None:
+    """Refuse a record that is no displacement; the message names the `aim`.
+
+    Raises:
+        DataError: the record is a velocity, an acceleration or a projection.
+    """
+    observation = record.observation
+    if observation.kind != "displacement":
+        name = record.name or "The record"
+        raise DataError(
+            f"{name} is a {observation.kind} in {observation.unit}, and {aim} needs a displacement or an angle. "
+            "Fit it with fricjax.fit."
+        )
 
 
 def labels(names: Sequence[str]) -> tuple[str, ...]:

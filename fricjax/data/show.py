@@ -5,18 +5,19 @@ from typing import Any
 import numpy as np
 
 from ..show import axis_label, display_unit, figure
-from ..show.units import displacement_name
+from .observation import Observation
 from .segmentation.decay import Segmentation
 from .segmentation.disturbance import rest_spectrum
 
 _MANY_REVERSALS = 60
 
 
-def record_figure(trace: Any, quantity: str, segmentation: Segmentation | None, title: str) -> Any:
+def record_figure(trace: Any, observation: Observation, segmentation: Segmentation | None, title: str) -> Any:
     """Plot a trace with its segmentation and the spectrum of its rest.
 
-    `quantity` is the unit of its displacement, "m" or "rad". Without a segmentation only the trace is drawn.
+    The reversals are marked at the times of the reading. Without a segmentation only the trace is drawn.
     """
+    quantity = observation.unit
     t, x, used = (np.asarray(values) for values in (trace.t, trace.x, trace.mask))
     factor, unit = display_unit(float(np.max(np.abs(x), where=used, initial=0.0)), quantity)
     frequency = size = np.empty(0)
@@ -26,21 +27,24 @@ def record_figure(trace: Any, quantity: str, segmentation: Segmentation | None, 
     top = axes[0, 0]
     top.plot(t, np.where(used, factor * x, np.nan), label="record", zorder=2)
     if segmentation is not None:
-        _mark(top, t, segmentation, factor)
+        direct = observation.kind == "displacement"
+        points = segmentation.turning_points if direct else np.interp(segmentation.turning_times, t[used], x[used])
+        _mark(top, t, factor * points, segmentation)
     top.set_xlabel(axis_label("Time", "s"))
-    top.set_ylabel(axis_label(displacement_name(quantity), unit))
+    top.set_ylabel(axis_label(observation.name, unit))
     top.set_title(title, fontsize=9, wrap=True)
     top.legend(loc="upper right", fontsize=8, framealpha=0.9)
     if segmentation is not None and frequency.size:
-        _spectrum(axes[1, 0], frequency[1:], size[1:], segmentation.lines, quantity)
+        lines = [(at, segmentation.gain * height) for at, height in segmentation.lines]
+        _spectrum(axes[1, 0], frequency[1:], size[1:], lines, quantity)
     return drawing
 
 
-def _mark(axes: Any, t: np.ndarray, segmentation: Segmentation, factor: float) -> None:
+def _mark(axes: Any, t: np.ndarray, points: np.ndarray, segmentation: Segmentation) -> None:
     many = segmentation.turning_times.size > _MANY_REVERSALS
     axes.plot(
         segmentation.turning_times,
-        factor * segmentation.turning_points,
+        points,
         linestyle="none",
         marker="o",
         markersize=1.5 if many else 3.5,

@@ -14,8 +14,14 @@ from typing import Any, NamedTuple
 from ..errors import DataError, UsageError, check_type
 
 EXAMPLES = {"m": "'m', 'mm', 'um' or 'nm'", "rad": "'rad', 'mrad' or 'deg'", "s": "'s', 'ms' or 'us'"}
+EXAMPLES |= {"m/s": "'m/s'", "rad/s": "'rad/s' or 'deg/s'", "m/s^2": "'m/s^2' or 'g'", "rad/s^2": "'rad/s^2'"}
 DISPLACEMENT = ("m", "rad")
+READING = (*DISPLACEMENT, "m/s", "rad/s", "m/s^2", "rad/s^2")
+"""SI units of displacements, velocities and accelerations."""
 TIME = ("s",)
+# Number of quantities that a message shows by examples, and spellings of quotients.
+_SHOWN = 4
+_QUOTIENTS = {"m s^-1": "m/s", "rad s^-1": "rad/s", "m s^-2": "m/s^2", "rad s^-2": "rad/s^2"}
 LONGEST = 40
 """Length of the longest text that can be a unit, in characters; "kg m^2/s^2" has ten."""
 
@@ -67,6 +73,8 @@ _PREFIXED = {
     **dict.fromkeys(("gram", "grams"), Unit(1e-3, {"kg": 1})),
     **dict.fromkeys(("newton", "newtons"), Unit(1.0, _FORCE)),
     **dict.fromkeys(("volt", "volts"), Unit(1.0, _VOLTAGE)),
+    # Standard gravity. Accelerometers call it g, which is a gram elsewhere: see `gravity`.
+    "gn": Unit(_GRAVITY, {"m": 1, "s": -2}),
     "hertz": Unit(1.0, {"s": -1}),
     "Nm": Unit(1.0, _ENERGY),
 }
@@ -177,15 +185,20 @@ def factor(unit: str, quantities: tuple[str, ...], subject: str) -> tuple[float,
     Raises:
         DataError: the text is not a unit, or the unit does not fit; the message names examples that fit.
     """
-    fitting = " or ".join(EXAMPLES[quantity] for quantity in quantities)
+    fitting = " or ".join(EXAMPLES[quantity] for quantity in quantities[:_SHOWN])
     known = si_unit(unit)
     if known is None:
         shown = unit if len(unit) <= LONGEST else f"{unit[:LONGEST]}..."
         raise DataError(f"'{shown}' is not a known unit, but {subject} has it; give one such as {fitting}.")
-    scale, quantity = known
+    scale, quantity = known[0], _QUOTIENTS.get(known[1], known[1])
     if quantity not in quantities:
         raise DataError(f"The unit '{unit}' does not fit {subject}; units that fit are {fitting}.")
     return scale, quantity
+
+
+def gravity(unit: str | None) -> str | None:
+    """Return the unit of an acceleration, with "g" as standard gravity."""
+    return f"{unit.strip()}n" if isinstance(unit, str) and unit.strip() in ("g", "mg") else unit
 
 
 def check_rate(rate: Any) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..data import Record
 from ..data.gather import gather
-from ..data.record import labels
+from ..data.record import check_displacement, labels
 from ..data.segmentation.reversals import order_for, point_std, window
 from ..errors import DataError, UsageError
 from ..fitting import fit
@@ -102,6 +102,7 @@ def decay(record: Record, least: int = 2) -> Decay:
     Raises:
         DataError: uneven sampling, no reversal, or fewer than `least` half-cycles after the first reversal.
     """
+    check_displacement(record, "the loss of energy")
     t, x, segmentation = np.asarray(record.t, float), np.asarray(record.x, float), record.segmentation
     step = _even_step(t, record.mask)
     times, points, rest = segmentation.turning_times, segmentation.turning_points, segmentation.rest

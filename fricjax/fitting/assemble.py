@@ -11,6 +11,7 @@ import numpy as np
 
 from ..estimation.covariance import COVERAGE, Covariance, covariance
 from ..estimation.loss import Squares
+from ..estimation.space import LINEAR, Parameter
 from ..oscillator import Oscillator
 from ..oscillator.oscillator import leaves_of
 from ..rig import Measured
@@ -61,7 +62,7 @@ def assemble(weighted: NoiseWeighted, sigma_mode: str) -> Fit:
         intervals={**_intervals(problem.names, shown, covariances), **({} if bracket is None else {name: bracket[:2]})},
         covariance=covariances.statistical,
         combined_covariance=covariances.combined,
-        units={**{p.name: unit_of(p.unit, problem) for p in problem.parameters}, **dict.fromkeys(static, "")},
+        units={**{p.name: unit_of(p, problem) for p in problem.parameters}, **dict.fromkeys(static, "")},
         flags={**flags_of(problem, covariances, solution), **_static_flags(name, static, bracket)},
         converged=status == CONVERGED,
         status=status,
@@ -124,9 +125,15 @@ def _of_the_runs(problem: Problem) -> dict[str, Any]:
     }
 
 
-def unit_of(unit: str, problem: Problem) -> str:
-    """Return the unit of a parameter; a rotary rig has rotary units."""
-    return rotary_unit(unit, problem.windows[0].quantity)
+def unit_of(parameter: Parameter, problem: Problem) -> str:
+    """Return the unit of a parameter; a rotary rig has rotary units.
+
+    Offset and drift have the unit of the reading.
+    """
+    observation = problem.windows[0].observation
+    if parameter.kind in LINEAR:
+        return {"offset": observation.unit, "drift": observation.drift_unit}[parameter.kind]
+    return rotary_unit(parameter.unit, observation.motion)
 
 
 def _whiteness(problem: Problem, solution: Solution) -> Whiteness:

@@ -65,7 +65,7 @@ class Row(NamedTuple):
         count = int(problem.residual.runs[0].half_cycles)
         return RunFit(
             status=self.status,
-            units={p.name: unit_of(p.unit, problem) for p in problem.parameters},
+            units={p.name: unit_of(p, problem) for p in problem.parameters},
             inputs=tuple(problem.inputs),
             values=derived.values + problem.origins,
             white=weighted.white * derived.slope,

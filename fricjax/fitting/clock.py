@@ -91,7 +91,10 @@ def _estimate(window: Window, row: Rows) -> Jitter | None:
     with rounding as its only roughness cannot show jitter, because there the motion dithers the rounding.
     """
     level = float(np.median(row.rough))
-    if row.rough.size < _FEWEST or not level * window.stated**2 > DITHERED * window.segmentation.resolution**2:
+    if (
+        row.rough.size < _FEWEST
+        or not level * window.stated**2 > DITHERED * (window.gain * window.segmentation.resolution) ** 2
+    ):
         return None
     least = float(np.quantile(row.rough, _QUIET))
     # If all samples of these rows lie in the flat part of a robust loss, their noise is unknown.

@@ -61,7 +61,7 @@ def noise_level(window: Window, relative: bool = False) -> float:
         window: the fitted part of the record.
         relative: if True, stated noise gives only relative weights, so its size is ignored.
     """
-    seen = max(window.segmentation.noise, _COMPUTED * window.segmentation.amplitude)
+    seen = window.gain * max(window.segmentation.noise, _COMPUTED * window.segmentation.amplitude)
     return seen if relative else max(seen, window.stated)
 
 
@@ -100,7 +100,7 @@ def with_faults(problem: Problem, misfit: Misfit) -> Misfit:
     if not misfit.size > thresholds.NOTICED * misfit.level:
         return misfit
     window = problem.windows[misfit.run]
-    record = Record(window.trace, {"quantity": window.quantity})
+    record = Record(window.trace, window.observation.meta)
     return misfit._replace(faults=reported_faults(record, of_run(misfit.run, problem)))
 
 

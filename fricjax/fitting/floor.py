@@ -28,10 +28,13 @@ _ROUNDS, _LEAST = 3, 32
 
 
 def passage_of(problem: Problem, at: Solution, run: int, t: np.ndarray) -> StateTransition | None:
-    """Return the state transitions between times of a run; None without half-cycles."""
+    """Return the state transitions between times of a run.
+
+    It is None without half-cycles, and for a reading that is not the displacement: the model reads the first state.
+    """
     window, machine = problem.windows[run], at.derived.machine
     segmentation = window.segmentation
-    if segmentation.turning_times.size < 2:
+    if segmentation.turning_times.size < 2 or window.observation.kind != "displacement":
         return None
     start = float(problem.residual.run_parameters(at.derived.values, run)["t_release"])
     begin = min(start, float(t[0] - 1e-3 * (t[1] - t[0])))

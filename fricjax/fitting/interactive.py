@@ -10,7 +10,6 @@ from ..oscillator import Oscillator, simulate
 from ..oscillator.oscillator import leaves_of
 from ..show import engineering
 from ..show.thumbnail import Curve, curves_svg
-from ..show.units import displacement_name
 from .names import of_run
 
 # Samples that are drawn, and computed again at each move of a slider in about 1 ms.
@@ -78,7 +77,7 @@ class Sliders:
         model, fit = self.model, self._fit
         rms = float(np.sqrt(np.nanmean((self._x - model) ** 2)))
         curves = [Curve(self.t, self._x, broad=True), Curve(self.t, model)]
-        picture = curves_svg(curves, ("Time", "s"), (displacement_name(fit.quantity), fit.quantity))
+        picture = curves_svg(curves, ("Time", "s"), (fit.observation.name, fit.quantity))
         self._picture.value = f"{picture}<div>measured minus model: {engineering(rms, fit.quantity)} rms</div>"
 
     def _repr_mimebundle_(self, **how: Any) -> Any:

@@ -147,7 +147,7 @@ def to_xarray(fit: Any) -> Any:
         x = np.asarray(run.x)
         coordinates[f"t{end}"] = Variable(f"t{end}", t, "s", "time")
         samples = {"x": (x, "measured"), "model": (x - residual, "computed"), "residual": (residual, "difference")}
-        variables |= {f"{key}{end}": Variable(f"t{end}", values, fit.quantity, f"{what} displacement")
+        variables |= {f"{key}{end}": Variable(f"t{end}", values, fit.quantity, f"{what} {fit.observation.name.lower()}")
                       for key, (values, what) in samples.items()}  # fmt: skip
     law = type(fit.oscillator.friction).__name__
     facts = {name: getattr(fit, name) for name in ("status", "converged", "chi2", "dof", "sigma", "engine", "warnings")}

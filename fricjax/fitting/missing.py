@@ -222,7 +222,7 @@ def advice(
         return
     shift, errors = discrepancy.shift * solution.derived.slope, np.sqrt(np.diag(covariance.statistical))
     most = int(np.argmax(np.abs(shift) / np.where(errors > 0, errors, np.inf)))
-    quantity, moved = problem.windows[discrepancy.run].quantity, problem.parameters[most]
+    quantity, moved = problem.windows[discrepancy.run].motion, problem.parameters[most]
     by = f"{shift[most]:.2g} {rotary_unit(moved.unit, quantity)}".rstrip()
     names = [parameter.name for parameter in problem.parameters if "[" not in parameter.name]
     shared = [name for name in names if name.rsplit(".", 1)[-1] not in NUISANCES]

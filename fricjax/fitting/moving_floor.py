@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from ..data import Record, Trace
 from ..data.gather import record_of
+from ..data.record import check_displacement
 from ..errors import DataError, UsageError
 from ..oscillator import Oscillator, simulate
 from .fit import fit
@@ -64,6 +65,7 @@ def fit_on_moving_floor(
         0.05
     """
     record = record_of(data)
+    check_displacement(record, "a fit on a moving floor")
     floor = _checked(base_acceleration, record.trace)
     result = fit(record, oscillator, free, **settings)
     for _ in range(_ROUNDS):

@@ -398,7 +398,9 @@ def _noise(window: Window, row: Rows, colour: Colour) -> Noise:
     return Noise(
         excess=float(np.sqrt(variance_left(row, colour))),
         memory=float(memory),
-        rounding=window.segmentation.resolution if row.series.rounding.size and colour.beside.size else 0.0,
+        rounding=window.gain * window.segmentation.resolution
+        if row.series.rounding.size and colour.beside.size
+        else 0.0,
         drift=colour.speed(t),
         middle=float(t.mean()),
         lines=tuple(Line(f, *map(float, pair)) for f, pair in zip(colour.lines, colour.waves, strict=True)),

@@ -249,8 +249,8 @@ def _scale(kind: str, start: float, values: Mapping[str, float]) -> float:
 def _run_scales(window: Window) -> dict[str, float]:
     amplitude, half_period = window.segmentation.amplitude, window.segmentation.half_period
     speed = amplitude * np.pi / half_period
-    sizes = {"x0": amplitude, "offset": amplitude, "v0": speed, "t_release": half_period}
-    return {**sizes, "drift": 1e-3 * speed, "z0": 1.0}
+    sizes = {"x0": amplitude, "offset": window.gain * amplitude, "v0": speed, "t_release": half_period}
+    return {**sizes, "drift": 1e-3 * window.gain * speed, "z0": 1.0}
 
 
 def _bounded(entry: _Entry, rigid: float, bounds: Mapping[str, tuple], origin: float) -> Parameter:

@@ -167,11 +167,13 @@ def _blocks(records: Sequence[Any], requests: Sequence[Request]) -> Iterator[_Bl
 def _even_samples(record: Record, start: str | float) -> _Even | None:
     """Return the samples of a record.
 
-    None if some are missing, their noise varies, or the release lies outside.
+    None if it is not a displacement, samples are missing, their noise varies, or the release lies outside.
     """
     trace = record.trace
     t, x, mask = (np.asarray(each) for each in (trace.t, trace.x, trace.mask))
-    if not mask.all() or (trace.sigma is not None and np.ndim(trace.sigma)):
+    if record.observation.kind != "displacement" or not mask.all():
+        return None
+    if trace.sigma is not None and np.ndim(trace.sigma):
         return None
     interval = float(t[-1] - t[0]) / (t.size - 1)
     lateness = float(np.max(np.abs(t - t[0] - interval * np.arange(t.size))))
@@ -307,7 +309,7 @@ def _solved(record: Record, request: Request, block: _Block, place: int) -> Nois
         start[p] += float(record.t[0]) - first
     window = Window(
         trace=record.trace,
-        quantity=record.quantity,
+        observation=record.observation,
         segmentation=segmentation,
         origin=first,
         t_start=first,

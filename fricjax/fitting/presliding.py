@@ -97,7 +97,7 @@ def contact_of(windows: Sequence[Window], machine: Machine, returned: float | No
 
 def stiffest(windows: Sequence[Window], machine: Machine) -> float:
     """Return the largest contact stiffness that the records can resolve [N/m]."""
-    shown = min(float(np.median(w.sigma)) / np.sqrt(w.used.sum() * len(windows)) for w in windows)
+    shown = min(float(np.median(w.sigma)) / w.gain / np.sqrt(w.used.sum() * len(windows)) for w in windows)
     return _late(machine, _LATE * shown)
 
 
@@ -114,7 +114,7 @@ def _late(machine: Machine, way: float) -> float:
 
 def _noise(windows: Sequence[Window]) -> float:
     """Return the noise of the samples of the least noisy record [m]."""
-    return min(float(np.median(window.sigma)) for window in windows)
+    return min(float(np.median(window.sigma)) / window.gain for window in windows)
 
 
 def _unseen(machine: Machine, stiffness: float) -> Contact:
@@ -124,7 +124,9 @@ def _unseen(machine: Machine, stiffness: float) -> Contact:
 def _settlings(windows: Sequence[Window]) -> Iterator[_Settling]:
     for window in windows:
         segmentation = window.segmentation
-        if segmentation.rest is not None and segmentation.turning_times.size >= 1:
+        # Other readings do not show the place of the rest.
+        direct = window.observation.kind == "displacement"
+        if direct and segmentation.rest is not None and segmentation.turning_times.size >= 1:
             settling = _settling(window, segmentation)
             if settling is not None:
                 yield settling

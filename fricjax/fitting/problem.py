@@ -24,7 +24,7 @@ from .names import tied
 from .parameters import Request, free_parameters, parse_priors, shared_leaves
 from .residual import Residual, power, without_inputs
 from .rig_inputs import contradiction, rig_inputs
-from .runs import condensation, condensed_run, full_run, longer, of_one_length, stage_weights_of
+from .runs import clear_of_jumps, condensation, condensed_run, full_run, longer, of_one_length, stage_weights_of
 from .stages import Limits, StageWeights
 from .tabulate import Tables
 from .window import NEVER, Window, equilibrium, open_window
@@ -127,7 +127,7 @@ def windows_of(records: Sequence[Record | Trace], request: Request) -> tuple[Win
     """
     law = request.oscillator.friction
     how = {"keeps_memory": law.n_states > 0, "creeps": law.kind == "smooth"}
-    windows = [open_window(record, request.start, request.nuisance, **how) for record in records]
+    windows = [clear_of_jumps(open_window(record, request.start, request.nuisance, **how)) for record in records]
     # Doubts about the machine are reported once for all runs.
     doubts = (*windows[0].doubts, *contradiction(request.oscillator, windows[0].segmentation.half_period))
     return (dataclasses.replace(windows[0], doubts=doubts), *windows[1:])
@@ -207,13 +207,19 @@ def displaced(problem: Problem) -> Callable[[Sequence[np.ndarray]], Problem]:
 
 
 def _check_windows(windows: Sequence[Window]) -> None:
+    quantities = sorted({window.quantity for window in windows})
+    if len(quantities) > 1:
+        raise UsageError(
+            f"One fit cannot join records in {' with records in '.join(quantities)}, because their residuals have no "
+            "common unit. Fit them one by one."
+        )
     for window, label in zip(windows, labels([window.name for window in windows]), strict=True):
         where = "" if len(windows) == 1 else f" of {label}"
         if window.used.sum() < 8:
             raise DataError(f"The fitted window{where} holds only {int(window.used.sum())} samples. Widen it.")
         if "offset" in window.nuisances and window.completed < 2:
             # Gaps may hide other half-cycles.
-            faults = reported_faults(Record(window.trace, {"quantity": window.quantity}), where)
+            faults = reported_faults(Record(window.trace, window.observation.meta), where)
             raise DataError(
                 f"The fitted window{where} holds {window.completed} complete half-cycle(s), and with the offset free "
                 "friction is undetermined from fewer than two. Release from farther away, start at the release, or fix "
@@ -278,7 +284,7 @@ def engine_for(request: Request, windows: Sequence[Window]) -> AbstractEngine:
 def _demands(windows: Sequence[Window]) -> Demands:
     return Demands(
         deflections=[_swings(window) for window in windows],
-        accuracy=min(float(np.median(w.sigma)) / np.sqrt(w.used.sum()) for w in windows),
+        accuracy=min(float(np.median(w.sigma)) / w.gain / np.sqrt(w.used.sum()) for w in windows),
         from_rest=not any("v0" in w.nuisances or w.guesses["v0"] != 0 for w in windows),
     )
 

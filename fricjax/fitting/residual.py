@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..data.observation import DISPLACEMENT, Observation
 from ..estimation.space import ParameterSpace
 from ..oscillator import Motion, Oscillator, starting_state
 from ..oscillator.engines import AbstractEngine, AbstractPath
@@ -18,6 +19,13 @@ from ..oscillator.motion import Start
 ERRORS = ("displacement_scale", "time_scale", "periodic_nonlinearity_cosine", "periodic_nonlinearity_sine")
 """Relative errors of a reading: true over displayed displacement and true over stated time, each minus one, and the
 amplitudes of an error that is periodic in the displacement [m]. A fit assumes that they are zero."""
+
+# An observation is a setting of a run: it has no leaves, and its fields are part of the structure.
+jax.tree_util.register_pytree_node(
+    Observation,
+    lambda each: ((), (each.kind, each.motion, each.length, each.angle)),
+    lambda fields, _: Observation(*fields),
+)
 
 
 # The parts of a problem are tuples. For each run several are made, and equinox modules are 50 times slower to read and
@@ -29,11 +37,12 @@ class Run(NamedTuple):
 
     Attributes:
         t: times [s], shape (samples,); unused samples have the time of the nearest used one.
-        x: measured displacement [m], shape (samples,).
-        weight: one over the noise [1/m], shape (samples,); zero for unused samples.
+        x: measured reading, such as a displacement [m], shape (samples,).
+        weight: one over the noise of the reading, shape (samples,); zero for unused samples.
         half_cycles: number of half-cycles from the start to the stop in the record; huge if it ends in motion.
         fixed: those of x0, v0, offset, drift, t_release and z0 that are not free.
         engine: engine with the mesh of this run; None if all runs share an engine.
+        observation: map from the motion to the reading.
     """
 
     t: Any
@@ -42,6 +51,7 @@ class Run(NamedTuple):
     half_cycles: Any
     fixed: dict[str, Any]
     engine: AbstractEngine | None = None
+    observation: Observation = DISPLACEMENT
 
 
 class ObservedMotion(eqx.Module):
@@ -50,6 +60,7 @@ class ObservedMotion(eqx.Module):
     It is a path that starts at `t_release`, with offset and drift.
 
     Attributes:
+        observation: map from the motion to the reading.
         errors: errors of the reading, as in `ERRORS`, and `period` of the periodic one [m]; None without them.
     """
 
@@ -57,19 +68,46 @@ class ObservedMotion(eqx.Module):
     t_release: Float[Array, ""]
     offset: Float[Array, ""]
     drift: Float[Array, ""]
+    observation: Observation = DISPLACEMENT
     errors: Float[Array, " errors"] | None = None
     period: Any = None
 
     def read(self, t: Float[Array, " samples"]) -> Float[Array, " samples"]:
-        """Return the reading at times `t` of the run [m]."""
-        x, v = self.path.sample(t - self.t_release)
-        reading = x + self.offset + self.drift * t
+        """Return the reading at times `t` of the run, in its unit."""
+        observation, derivatives = self.observation, self._derivatives(t - self.t_release)
+        value = derivatives[observation.order]
+        reading = observation.read(value, jnp) + self.offset + self.drift * t
         if self.errors is None:
             return reading
-        phase = 2 * jnp.pi * reading / self.period
+        rate = observation.slope(value, jnp) * derivatives[observation.order + 1] + self.drift
         # The errors are small, so their dependence on the motion is neglected.
-        by_error = jnp.stack([-reading, (v + self.drift) * t, jnp.cos(phase), jnp.sin(phase)])
+        by_error = errors_of_reading(observation, reading, rate, t, self.period, jnp)
         return reading + self.errors @ jax.lax.stop_gradient(by_error)
+
+    def _derivatives(self, t: Float[Array, " samples"]) -> list[Array]:
+        """Return the displacement and its derivatives by time, as far as needed."""
+        derivatives = list(self.path.sample(t))
+        rate = lambda at: self.path.sample(at)[1]
+        while len(derivatives) < self.observation.order + (1 if self.errors is None else 2):
+            rate = lambda at, of=rate: jax.jvp(of, (at,), (jnp.ones_like(at),))[1]
+            derivatives.append(rate(t))
+        return derivatives
+
+
+def errors_of_reading(observation: Observation, reading: Any, rate: Any, t: Any, period: Any, xp: Any) -> Any:
+    """Return the derivatives of a reading by its `ERRORS`, shape (errors, samples).
+
+    Args:
+        observation: map from the motion to the reading. Only a displacement has an error periodic in it.
+        reading: reading, shape (samples,).
+        rate: its derivative by time, shape (samples,).
+        t: times of the run [s], shape (samples,).
+        period: period of the periodic error [m].
+        xp: `numpy` or `jax.numpy`.
+    """
+    phase = 2 * np.pi * reading / period
+    waves = 1.0 if observation.kind == "displacement" else 0.0
+    return xp.stack([-reading, rate * t, waves * xp.cos(phase), waves * xp.sin(phase)])
 
 
 class Residual(NamedTuple):
@@ -179,7 +217,7 @@ class Residual(NamedTuple):
         values = self.values(y)
         machine, at = self._machine(y, values), self.parameters_of_run(values, number, record)
         path = (record.engine or self.engine).path(machine, start_of(machine, at), record.half_cycles)
-        parts = path, at["t_release"], at["offset"], at["drift"]
+        parts = path, at["t_release"], at["offset"], at["drift"], record.observation
         if self.period is None:
             return ObservedMotion(*parts)
         return ObservedMotion(*parts, y[self.n_parameters :] @ self.inputs[:, -len(ERRORS) :], self.period)

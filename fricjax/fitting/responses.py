@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..data.observation import Observation
 from ..friction import Coulomb
 from ..oscillator import Oscillator
 from ..oscillator.restoring import Linear
@@ -43,7 +44,7 @@ class Responses(NamedTuple):
 
     Attributes:
         forces: names of each force for positive and negative sign; the latter is empty if that sign is impossible.
-        effects: displacement caused by each, up to a positive factor, shape (n, forces).
+        effects: change of the reading by each, up to a positive factor, shape (n, forces).
         half_cycles: number of half-cycles.
     """
 
@@ -68,7 +69,8 @@ def responses(window: Window, derived: Derived, kinds: set[str], t: np.ndarray) 
     forces = _forces(half_cycles, derived.machine, kinds) if n >= _FEWEST else {}
     if not forces:
         return Responses((), np.zeros((t.size, 0)), n)
-    return Responses(tuple(forces), _responses(half_cycles, np.stack(list(forces.values())), derived, t), n)
+    effects = _responses(half_cycles, np.stack(list(forces.values())), derived, t, window.observation)
+    return Responses(tuple(forces), effects, n)
 
 
 def _half_cycles_of(window: Window) -> _HalfCycles:
@@ -101,7 +103,9 @@ def _forces(half_cycles: _HalfCycles, machine: Oscillator, kinds: set[str]) -> d
     return {names: force for names, force in forces.items() if names[0] not in kinds}
 
 
-def _responses(half_cycles: _HalfCycles, forces: np.ndarray, derived: Derived, t: np.ndarray) -> np.ndarray:
+def _responses(
+    half_cycles: _HalfCycles, forces: np.ndarray, derived: Derived, t: np.ndarray, observation: Observation
+) -> np.ndarray:
     """Return the responses to forces of shape (forces, half-cycles, phases).
 
     Friction changes sign at the reversals of the disturbed motion: there a change of velocity is reduced by the ratio
@@ -125,4 +129,9 @@ def _responses(half_cycles: _HalfCycles, forces: np.ndarray, derived: Derived, t
     part = np.clip((t - half_cycles.t[number]) / np.diff(half_cycles.t)[number], 0.0, 1.0)
     at = np.rint(part * (_PHASES.size - 1)).astype(int)
     phasor = begin[number] + 1j * side[number, None] * integral.transpose(1, 2, 0)[number, at]
-    return (phasor * np.exp(-(damping + 1j) * np.pi * part)[:, None]).real
+    moved = phasor * np.exp(-(damping + 1j) * np.pi * part)[:, None]
+    # In units of the angular frequency the acceleration is the force minus the displacement.
+    driven = side[number, None] * forces.transpose(1, 2, 0)[number, at]
+    seen = (moved.real, moved.imag, driven - moved.real)[observation.order]
+    x = (side * half_cycles.mean)[number] * np.cos(np.pi * part)
+    return seen if observation.linear else seen * observation.slope(x)[:, None]

@@ -162,7 +162,7 @@ def _unexplained(window: Window) -> float:
     """Return the variance of noise and drift, over the stated variance."""
     segmentation, t = window.segmentation, np.asarray(window.trace.t)[window.used]
     drift = 0.0 if "drift" in window.nuisances else segmentation.drift * (t[-1] - t[0]) / np.sqrt(12)
-    return float((segmentation.noise**2 + drift**2) / window.stated**2)
+    return float((segmentation.noise**2 + drift**2) * (window.gain / window.stated) ** 2)
 
 
 def with_counts(problem: Problem, counts: tuple[int, ...]) -> Problem:
@@ -230,7 +230,7 @@ def far_off(problem: Problem, solution: Solution) -> bool:
     excess = solution.chi2 / problem.n_used
     if excess <= thresholds.EXCESS:
         return False
-    sigma = float(np.median(np.concatenate([w.sigma[w.used] for w in problem.windows])))
+    sigma = float(np.median(np.concatenate([w.sigma[w.used] / w.gain for w in problem.windows])))
     return sigma * np.sqrt(excess) > _HALF_CYCLE_SHARE * float(solution.derived.machine.dead_band)
 
 
@@ -324,6 +324,6 @@ def bracket_static(problem: Problem, solution: Solution) -> Bracket | None:
         moved_on = pull[int(_starts_moving(problem, run)) : count if stopped else window.completed]
         upper = min(upper, float(np.min(moved_on, initial=np.inf)))
         lower = max(lower, float(pull[count]) if stopped else 0.0)
-    sigma = max(window.stated for window in problem.windows)
+    sigma = max(window.stated / window.gain for window in problem.windows)
     contradicted = lower - upper > thresholds.SUSPECTED * sigma * float(machine.stiffness) / load
     return Bracket(min(lower, upper), max(lower, upper), contradicted)

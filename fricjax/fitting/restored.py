@@ -18,6 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .. import friction as friction_laws
+from ..data.observation import Observation
 from ..errors import DataError, UsageError, brief, nearest
 from ..friction import AbstractFriction
 from ..oscillator import Exact, Hybrid, Oscillator, Smooth, restoring
@@ -33,7 +34,9 @@ MODULES: Mapping[str, type] = {
     **{cls.__name__: cls for cls in (restoring.Linear, restoring.Cubic, restoring.Pendulum, restoring.Structural)},
     **{cls.__name__: cls for cls in (Oscillator, Exact, Hybrid, Smooth)},
 }
-RECORDS: Mapping[str, type] = {cls.__name__: cls for cls in (Line, Margin, Measured, Noise, Run, Span, Whiteness)}
+RECORDS: Mapping[str, type] = {
+    cls.__name__: cls for cls in (Line, Margin, Measured, Noise, Observation, Run, Span, Whiteness)
+}
 _WORDS = {float: "a number", int: "a whole number", str: "a text", bool: "true or false", types.NoneType: "null"}
 # Larger integers cannot be counts, and floating-point numbers cannot represent them all.
 _LARGEST_COUNT = 1 << 53

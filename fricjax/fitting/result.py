@@ -9,10 +9,11 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from ..data.observation import Observation
 from ..data.record import labels
 from ..errors import UsageError
 from ..estimation.covariance import correlation
-from ..oscillator import Oscillator, simulate
+from ..oscillator import Oscillator, observe, simulate
 from ..rig import Measured
 from ..show import Report, Reported, Style, styled
 from . import interchange
@@ -90,7 +91,7 @@ class Fit(Reported):
         engine: name of the engine.
         aicc, bic: information criteria.
         oscillator: the fitted oscillator.
-        quantity: "m", or "rad" for a rotary rig.
+        quantity: unit of the reading: "m", or "rad" for a rotary rig; "rad/s" or the like for a velocity.
         sources: file name of each run; empty if unknown.
         times: times of the samples [s], one array per run.
         runs, origins: data for `predict`.
@@ -158,6 +159,11 @@ class Fit(Reported):
         return optimum_found(self.status)
 
     @property
+    def observation(self) -> Observation:
+        """Map from the motion to the reading of the first run."""
+        return self.runs[0].observation
+
+    @property
     def labels(self) -> tuple[str, ...]:
         """Name of each run in the report: file name or number."""
         return labels(self.sources)
@@ -198,17 +204,18 @@ class Fit(Reported):
         late = (t > end) & goes_on
         times = np.append(np.where(late, end, t), end) if late.any() else t
         fitted = motion(self.engine_used, self.oscillator, parameters, times, data.half_cycles)
-        x = np.array(fitted.x)[: t.size]
+        x = np.array(observe(self.oscillator, fitted, data.observation))[: t.size]
         if late.any():
-            x[late] = self._continued(float(fitted.x[-1]), float(fitted.v[-1]), t[late] - end)
+            x[late] = self._continued(float(fitted.x[-1]), float(fitted.v[-1]), t[late] - end, data.observation)
         read = np.empty(t.size)
         read[order] = x + np.asarray(parameters["offset"] + parameters["drift"] * t)
         return read
 
-    def _continued(self, x0: float, v0: float, after: np.ndarray) -> np.ndarray:
-        """Return displacements at times `after` a state, until the law stops it."""
+    def _continued(self, x0: float, v0: float, after: np.ndarray, observation: Observation) -> np.ndarray:
+        """Return readings at times `after` a state, until the law stops it."""
         times, order = np.unique(after, return_inverse=True)
-        return np.asarray(simulate(self.oscillator, x0, times, v0=v0).x)[order]
+        moved = simulate(self.oscillator, x0, times, v0=v0)
+        return np.asarray(observe(self.oscillator, moved, observation))[order]
 
     def _check_run(self, run: int) -> None:
         if not 0 <= run < len(self.runs):

@@ -141,7 +141,7 @@ def _rounding(
     missed = np.divide(left, weight, out=np.zeros(x.size), where=weight > 0)
     if before is not None:
         missed = missed + before.colour.at(before.rows.t, before.rows.series.t)
-    step = window.segmentation.resolution
+    step = window.gain * window.segmentation.resolution
     if np.median(np.abs(missed[weight > 0])) / NORMAL_MAD > step * _WIPED_OUT:
         return none
     phase = 2 * np.pi * (x + missed - x[0]) / step

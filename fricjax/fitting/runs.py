@@ -1,5 +1,6 @@
 """Runs for the residual: all samples, condensed samples, and stage weights."""
 
+import dataclasses
 from typing import Any
 
 import numpy as np
@@ -44,6 +45,7 @@ def full_run(window: Window, stops: bool) -> Run:
         *_up_to(filled(t.size, *_WHOLE), *samples, np.where(window.used, 1 / window.sigma, 0.0)),
         half_cycles=np.asarray(window.half_cycles if stops else NEVER),
         fixed={name: np.asarray(value) for name, value in window.guesses.items()},
+        observation=window.observation,
     )
 
 
@@ -87,9 +89,9 @@ def stage_weights_of(window: Window, run: Run) -> StageWeights:
     segmentation, t, moving = window.segmentation, np.asarray(run.t), _without_rest(window, run)
     local = np.full(t.shape, segmentation.amplitude)
     if segmentation.turning_times.size:
-        swing = np.abs(segmentation.turning_points - window.guesses["offset"])
+        swing = np.abs(segmentation.turning_points - window.centre)
         local = np.interp(t, segmentation.turning_times - window.origin, swing)
-    tolerance = IN_PHASE * run.weight * np.maximum(local, _SMALLEST * segmentation.amplitude)
+    tolerance = IN_PHASE * run.weight * window.gain * np.maximum(local, _SMALLEST * segmentation.amplitude)
     tolerance = np.where(moving > 0, tolerance, np.inf)
     span = np.ptp(t[moving > 0])
     return StageWeights(moving, tolerance, np.asarray(_SHORTEST * segmentation.half_period / span))
@@ -135,7 +137,7 @@ def _cuts(window: Window, oscillator: Oscillator, times: np.ndarray, deflections
     shape = np.exp(-np.asarray(spring.spread(steep)))
     reach = np.outer(shape, np.arange(1, _PIECES + 1))
     missed = swings[:, None] * (reach + np.sqrt(1 + reach**2)) ** -DEGREE
-    enough = missed <= _MISSED * float(np.median(window.sigma))
+    enough = missed <= _MISSED * float(np.median(window.sigma)) / window.gain
     pieces = np.where(enough.any(axis=1), 1 + np.argmax(enough, axis=1), _PIECES)
     pairs = zip(times[:-1], times[1:], pieces, strict=True)
     return np.concatenate([begin + (end - begin) * np.arange(1, n) / n for begin, end, n in pairs])
@@ -158,14 +160,30 @@ def _points_at_rest(window: Window) -> tuple[np.ndarray, np.ndarray]:
     return np.append(times, last), np.append(deflections, deflections[-1])
 
 
-def _known_to(window: Window, deflections: np.ndarray) -> np.ndarray:
+def clear_of_jumps(window: Window) -> Window:
+    """Drop samples that may lie on either side of a jump.
+
+    An acceleration jumps at each reversal. A sample there that changes sides as the reversal moves would be a step of
+    the residual, in which no solver finds an optimum.
+    """
+    if window.observation.order < 2:
+        return window
+    times, deflections = _points_at_rest(window)
+    t, uncertain = np.asarray(window.trace.t), _known_to(window, deflections, samples=1.0)
+    near = np.zeros(t.size, bool)
+    for first, last in zip(*np.searchsorted(t, [times - uncertain, times + uncertain]), strict=True):
+        near[first:last] = True
+    return dataclasses.replace(window, used=window.used & ~near, moving=window.moving & ~near)
+
+
+def _known_to(window: Window, deflections: np.ndarray, samples: float = _SAMPLES) -> np.ndarray:
     """Return the uncertainty of the time of each reversal [s].
 
-    It follows from the sampling, and from the noise at a curved extreme.
+    It follows from the sampling, in multiples of its interval, and from the noise at a curved extreme.
     """
     segmentation, t = window.segmentation, np.asarray(window.trace.t)
     interval, half = float((t[-1] - t[0]) / (t.size - 1)), segmentation.half_period
-    by_sampling = max(_SAMPLES * interval, _SHARE * half)
+    by_sampling = max(samples * interval, _SHARE * half)
     width = extreme_window(half, np.maximum(deflections, segmentation.noise), segmentation.noise, interval)
     slope_error = _ERRORS * segmentation.noise / width / np.sqrt(np.maximum(2 * width / interval, 1.0))
     curvature = np.maximum(deflections, segmentation.noise) * (np.pi / half) ** 2

@@ -81,19 +81,20 @@ def check_start(
         raise UsageError(f"There is no start {start!r}.{nearest(start, STARTS)} Choose {choices}.")
 
 
-def nuisances_of(mode: str, chosen: Iterable[str] | None, keeps_memory: bool) -> tuple[str, ...]:
+def nuisances_of(mode: str, chosen: Iterable[str] | None, keeps_memory: bool, drifts: bool = False) -> tuple[str, ...]:
     """Return the names of a run's parameters.
 
     Args:
         mode: "first_reversal", "release" or "seconds".
         chosen: names from the caller, or None for the default of the mode.
         keeps_memory: True if the law has internal states; it is then fitted from the middle of a half-cycle.
+        drifts: True for a velocity or an acceleration, because their sensors drift.
 
     Raises:
         UsageError: an unknown name, or two that cannot be separated.
     """
     mode = "seconds" if mode == "first_reversal" and keeps_memory else mode
-    names = _NUISANCES[mode] if chosen is None else tuple(chosen)
+    names = (*_NUISANCES[mode], *(("drift",) if drifts else ())) if chosen is None else tuple(chosen)
     check_once(names)
     for name in names:
         check_nuisance(name)

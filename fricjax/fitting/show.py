@@ -15,7 +15,6 @@ from ..errors import DataError
 from ..friction.base import law_name
 from ..show import Report, Table, axis_label, display_unit, engineering, figure, interval, plain, scaled, uncertain
 from ..show.thumbnail import Curve, curves_svg
-from ..show.units import displacement_name
 from .names import of_run
 from .rest import CONTRADICTED
 
@@ -57,7 +56,7 @@ def kinematics_table(fit: Any) -> Table:
     """Return the quantities that need no rig."""
     rows = []
     for name, estimate in fit.kinematics.items():
-        unit = estimate.unit.replace("m", fit.quantity) if fit.quantity != "m" else estimate.unit
+        unit = estimate.unit.replace("m", fit.observation.motion)
         rows.append([name.replace("_", " "), _value(fit, estimate.value, estimate.std, unit)])
     return Table(["Kinematics", "Value"], rows)
 
@@ -139,7 +138,7 @@ def _stop(fit: Any) -> Iterator[tuple[str, str]]:
     for label, count, margin in zip(fit.labels, fit.half_cycles, fit.margins, strict=True):
         where = "" if len(fit.labels) == 1 else f" of {label}"
         if count is not None and margin is not None and not np.any(np.isnan(margin)):
-            more, less = (engineering(value, fit.quantity) for value in margin)
+            more, less = (engineering(value, fit.observation.motion) for value in margin)
             yield "half-cycles", f"{count} to the stop{where}; margin to one more {more}, to one less {less}"
     bracket = fit.intervals.get("mu_s")
     if bracket is not None and "mu_s" not in fit.values and not np.any(np.isnan(bracket)):
@@ -197,7 +196,7 @@ def thumbnails(fit: Any) -> list[str]:
     """Draw the first run with the model, and its residuals."""
     t, x, r = fit.times[0], np.asarray(fit.runs[0].x), fit.residuals_by_run[0]
     both = [Curve(t, x, broad=True), Curve(t, x - r)]
-    traces = [(both, displacement_name(fit.quantity)), ([Curve(t, r)], "Residual")]
+    traces = [(both, fit.observation.name), ([Curve(t, r)], "Residual")]
     return [curves_svg(curves, ("Time", "s"), (label, fit.quantity)) for curves, label in traces]
 
 
@@ -263,7 +262,7 @@ def _draw_trace(axes: Any, fit: Any, run: int) -> None:
     axes.plot(t, np.where(fitted, factor * x, np.nan), color="#56B4E9", linewidth=3.5, label="measured")
     model = np.where(fitted, factor * (x - np.where(fitted, r, 0.0)), np.nan)
     axes.plot(t, model, color="#8C2D04", linewidth=1.0, label="model")
-    axes.set_ylabel(axis_label(displacement_name(fit.quantity), unit))
+    axes.set_ylabel(axis_label(fit.observation.name, unit))
     axes.legend(loc="upper right", fontsize=8, framealpha=0.9)
     title = f"{law_name(fit.oscillator.friction)} friction, {fit.engine} engine: {fit.status.split(':')[0]}"
     axes.set_title(", ".join(filter(None, [fit.sources[run], title])), fontsize=9, loc="left")

@@ -39,19 +39,17 @@ def sketch(problem: Problem, solution: Solution, most: int | None = MOST) -> Ske
 
     The samples are evenly spaced; None selects all of them.
     """
-    window = problem.windows[0]
+    window, left = problem.windows[0], solution.evaluation.residual
     samples = few(window.used.size, most)
-    left = solution.evaluation.residual
-    # A chunk of runs keeps no residuals of its samples.
-    left = (
-        _computed(problem, solution, samples, most)
-        if not left.size
-        else (left[: window.used.size] * window.sigma)[samples]
-    )
     t, x = np.asarray(window.trace.t)[samples], np.asarray(window.trace.x)[samples]
     known = np.asarray(window.trace.mask)[samples]
     at = problem.residual.run_parameters(solution.derived.values, 0)
     computed = known & (t - window.origin >= float(at["t_release"]))
+    # A chunk of runs keeps no residuals of its samples, and none are kept of samples that are not fitted.
+    if left.size and window.used[samples][computed].all():
+        left = left[: window.used.size][samples] * window.sigma[samples]
+    else:
+        left = _computed(problem, solution, samples, most)
     residual = np.where(computed, -left, np.nan)
     return Sketch(t - float(window.trace.t[0]), np.where(known, x - float(at["offset"]), np.nan), residual)
 

@@ -20,7 +20,7 @@ from ..oscillator.engines import AbstractEngine
 from ..show.files import write_text
 from .restored import RECORDS, restored
 
-SCHEMA = "fricjax.fit/7"
+SCHEMA = "fricjax.fit/8"
 
 _LARGEST = 1_000_000_000
 """Bytes of the largest readable file; a million samples take about 100 MB."""
@@ -143,7 +143,8 @@ def _check(fit: Any) -> None:
         shapes = {np.shape(each) for each in (run.t, run.x, run.weight, times, left)}
         if len(shapes) > 1 or len(next(iter(shapes))) != 1:
             raise DataError(f"times, displacements, weights and residuals of run {i} differ in number")
-    if fit.dof < 1 or fit.quantity not in ("m", "rad"):
+    unit = fit.observation.unit
+    if fit.dof < 1 or fit.quantity != unit:
         raise DataError(
-            f"'dof' must be positive and 'quantity' m or rad, but they are {fit.dof} and {fit.quantity[:80]!r}"
+            f"'dof' must be positive and 'quantity' {unit}, but they are {fit.dof} and {fit.quantity[:80]!r}"
         )

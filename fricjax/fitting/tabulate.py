@@ -14,6 +14,7 @@ import jax
 import numpy as np
 from jaxtyping import Array, Int
 
+from ..data.observation import Observation
 from ..estimation.loss import AbstractLoss, Squares
 from ..estimation.passes import Pass, gather
 from ..oscillator import Motion, Oscillator, Start
@@ -23,7 +24,7 @@ from ..tables import Decay, Forces, Mesh, Tabulation, choose_layout, decay, make
 from ..tables import Start as Release
 from .derived import Derived, derive_on_host
 from .evaluation import CHUNK, Block, Evaluation, block_columns, block_length
-from .residual import ERRORS, Residual, Run
+from .residual import ERRORS, Residual, Run, errors_of_reading
 from .window import NEVER, Window, equilibrium
 
 # Range of the tables relative to the fastest and the farthest motion of the record. A trial of the solver may exceed
@@ -245,12 +246,13 @@ class TabulatedModel:
                 np.concatenate([each[begin:stop], np.full(max(stop - n, 0), fill)])
                 for each, fill in ((run.t, run.t[-1]), (run.x, run.x[-1]), (weight, 0.0))
             )
-            motion = decay(forces, self._meshes[number], release, t - at["t_release"], True, _ITERATIONS)
+            times, observation = t - at["t_release"], run.observation
+            motion = decay(forces, self._meshes[number], release, times, True, _ITERATIONS, order=observation.order)
             self._meshes[number] = self._meshes[number]._replace(amplitudes=motion.amplitudes)
             good = 1.0 if motion.resolved else np.nan
             self._stuck |= int(run.half_cycles) >= NEVER and not np.all(motion.excess[1:-1] > 0)
-            reading = good * motion.x + at["offset"] + at["drift"] * t
-            columns = self._columns(motion, reading, at, t, slope, places, total)
+            reading = good * observation.read(motion.derivative[0]) + at["offset"] + at["drift"] * t
+            columns = self._columns(motion, observation, reading, at, t, slope, places, total)
             left, slopes = w * (reading - x), w[:, None] * columns
             r[begin:stop] = left
             of_piece, sums_of_piece = _summed(left, slopes, x, w, loss, length)
@@ -262,6 +264,7 @@ class TabulatedModel:
     def _columns(
         self,
         motion: Decay,
+        observation: Observation,
         reading: np.ndarray,
         at: dict[str, Any],
         t: np.ndarray,
@@ -271,10 +274,15 @@ class TabulatedModel:
     ) -> np.ndarray:
         """Return the derivatives of the reading by all coordinates, shape (samples, coordinates)."""
         p, count = slope.size, len(self._leaves) + 1
-        by_value = motion.columns[:, :count] @ self._to_leaf
+        value, by_column, rate = motion.derivative
+        by_column = by_column[:, :count]
+        if not observation.linear:
+            steep = observation.slope(value)
+            by_column, rate = steep[:, None] * by_column, steep * rate
+        by_value = by_column @ self._to_leaf
         direct = {
-            "x0": lambda: motion.columns[:, count - 1],
-            "t_release": lambda: -motion.v,
+            "x0": lambda: by_column[:, count - 1],
+            "t_release": lambda: -rate,
             "offset": lambda: np.ones(t.size),
             "drift": lambda: t,
         }
@@ -284,11 +292,10 @@ class TabulatedModel:
         columns = np.zeros((t.size, total))
         columns[:, :p] = by_value * slope
         if total > p:
-            columns[:, p:] = motion.columns[:, :count] @ self._by_input.T
+            columns[:, p:] = by_column @ self._by_input.T
             if self._residual.period is not None:
-                phase = 2 * np.pi * reading / self._residual.period
-                errors = np.stack([-reading, (motion.v + at["drift"]) * t, np.cos(phase), np.sin(phase)], axis=1)
-                columns[:, p:] += errors @ self._residual.inputs[:, -len(ERRORS) :].T
+                errors = errors_of_reading(observation, reading, rate + at["drift"], t, self._residual.period, np)
+                columns[:, p:] += errors.T @ self._residual.inputs[:, -len(ERRORS) :].T
         return columns
 
 

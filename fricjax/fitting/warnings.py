@@ -112,7 +112,7 @@ def _on_other_numbers(problem: Problem, others: Sequence[AlternativeCount]) -> I
 
 def _on_drift(problem: Problem, misfit: Misfit) -> Iterator[str]:
     window = problem.windows[misfit.run]
-    unit, speed = window.quantity, window.segmentation.drift
+    unit, speed = window.quantity, window.gain * window.segmentation.drift
     far = abs(speed) * float(np.ptp(np.asarray(window.trace.t)[window.used]))
     if far > thresholds.NOTICED * misfit.noise and "drift" not in window.nuisances:
         yield (
@@ -125,7 +125,7 @@ def _on_growth(problem: Problem) -> Iterator[str]:
     for i, window in enumerate(problem.windows):
         grown = growth(window)
         if grown is not None:
-            first, last = (engineering(path, window.quantity) for path in grown)
+            first, last = (engineering(path, window.motion) for path in grown)
             yield (
                 f"The amplitude{of_run(i, problem)} grows with time, from half-cycles of {first} to {last}. No free "
                 "decay does this: is the time reversed, or is the mass driven?"
@@ -158,16 +158,17 @@ def _on_the_rest(
     problem: Problem, margins: tuple[Margin | None, ...], excesses: tuple[float | None, ...]
 ) -> Iterator[str]:
     """Yield warnings if the law stops the mass elsewhere than the record."""
-    unit = problem.windows[0].quantity
+    unit = problem.windows[0].motion
+    least = [-thresholds.NOTICED * window.stated / window.gain for window in problem.windows]
     for i, margin in enumerate(margins):
-        if margin is not None and min(margin) < -thresholds.NOTICED * problem.windows[i].stated:
+        if margin is not None and min(margin) < least[i]:
             yield (
                 f"The law would stop the mass{of_run(i, problem)} after another number of half-cycles than the record "
                 f"shows (margins {margin.one_more:.2e}, {margin.one_less:.2e} {unit}). Check static friction and the "
                 "model."
             )
     for i, excess in enumerate(excesses):
-        if excess is not None and excess < -thresholds.NOTICED * problem.windows[i].stated:
+        if excess is not None and excess < least[i]:
             yield (
                 f"The law would stop the mass{of_run(i, problem)} inside the record, which shows it moving to the "
                 f"end: at a reversal the deflection is {-excess:.2e} {unit} too small to overcome static friction. "
@@ -195,7 +196,7 @@ def implausible(problem: Problem, values: Mapping[str, float]) -> Iterator[str]:
                 f"{parameter.name} = {values[parameter.name]:.3g} is larger than any coefficient of friction: "
                 "check the units of the displacement and of the normal force."
             )
-    angular = problem.windows[0].quantity == "rad" or isinstance(problem.residual.oscillator.restoring, Pendulum)
+    angular = problem.windows[0].motion == "rad" or isinstance(problem.residual.oscillator.restoring, Pendulum)
     for i, window in enumerate(problem.windows):
         interval = float(np.median(np.diff(np.asarray(window.trace.t))))
         yield from implausible_scale(window.segmentation, interval, angular=angular, where=of_run(i, problem))

@@ -7,6 +7,7 @@ import itertools
 import numpy as np
 
 from ..data import Record, Segmentation, Trace
+from ..data.observation import Observation
 from ..errors import DataError, UsageError
 from .settings import check_start, nuisances_of
 
@@ -30,13 +31,13 @@ class Window:
     """The fitted part of one record.
 
     Attributes:
-        trace: the whole record; `quantity` its unit ("m" or "rad").
+        trace: the whole record; `observation`: map from the motion to its reading.
         segmentation: reversals, rest and noise of the record.
         origin: zero of the time of this run [s].
         t_start: time of the initial state of the computed motion [s].
         used: True for fitted samples; `moving`: the same without the rest.
         repeated: True for samples that are dropped because they repeat the rounding error of a used one.
-        sigma: noise of each sample; `sigma_source`: its source.
+        sigma: noise of each sample, in the unit of the reading; `sigma_source`: its source.
         half_cycles: number of half-cycles from `t_start` to the stop, or to the reversal at which the window ends;
             `NEVER` if the record ends in motion.
         nuisances: names of this run's free parameters.
@@ -46,7 +47,7 @@ class Window:
     """
 
     trace: Trace
-    quantity: str
+    observation: Observation
     segmentation: Segmentation
     origin: float
     t_start: float
@@ -65,6 +66,26 @@ class Window:
     def stated(self) -> float:
         """Typical noise of the fitted samples, stated or estimated from the record."""
         return float(np.median(self.sigma[self.used]))
+
+    @property
+    def quantity(self) -> str:
+        """Unit of the reading."""
+        return self.observation.unit
+
+    @property
+    def motion(self) -> str:
+        """Unit of the displacement: "m" or "rad"."""
+        return self.observation.motion
+
+    @property
+    def gain(self) -> float:
+        """Reading over displacement: 1, or for a velocity the angular frequency."""
+        return self.segmentation.gain
+
+    @property
+    def centre(self) -> float:
+        """Estimated equilibrium, on the scale of the turning points."""
+        return centre_of(self.observation, self.segmentation, self.guesses["offset"])
 
     @property
     def stopped(self) -> float:
@@ -100,7 +121,7 @@ def open_window(
     data = data if isinstance(data, Record) else Record(data)
     trace = data.trace
     t, x, mask = (np.asarray(a) for a in (trace.t, trace.x, trace.mask))
-    segmentation = data.segmentation
+    segmentation, observation = data.segmentation, data.observation
     segmentation = without_ringing(segmentation) if keeps_memory else segmentation
     mode, t_start, t_first = _start(data, start, segmentation, t)
     if mode == "first_reversal" and keeps_memory:
@@ -112,10 +133,10 @@ def open_window(
     repeated = _repeated(t, x, fitted, segmentation)
     used = fitted & ~repeated
     sigma, source = _noise(trace, segmentation)
-    nuisances = nuisances_of(mode, nuisance, keeps_memory)
+    nuisances = nuisances_of(mode, nuisance, keeps_memory, drifts=observation.order > 0)
     return Window(
         trace=trace,
-        quantity=data.quantity,
+        observation=observation,
         segmentation=segmentation,
         origin=t_first,
         t_start=t_start,
@@ -126,7 +147,7 @@ def open_window(
         sigma_source=source,
         half_cycles=_half_cycles(segmentation, t_start, last_reversal),
         nuisances=nuisances,
-        guesses=_guess_state(t, x, mask, segmentation, t_start, t_first, mode, nuisances),
+        guesses=_guess_state(data, segmentation, t_start, t_first, mode, nuisances),
         doubts=data.doubts,
         name=data.name,
     )
@@ -178,7 +199,7 @@ def _start(data: Record, start: str | float, segmentation: Segmentation, t: np.n
 def _noise(trace: Trace, segmentation: Segmentation) -> tuple[np.ndarray, str]:
     if trace.sigma is not None:
         return np.broadcast_to(np.asarray(trace.sigma, float), trace.t.shape), "given"
-    floor = max(segmentation.noise, 1e-12 * segmentation.amplitude)
+    floor = segmentation.gain * max(segmentation.noise, 1e-12 * segmentation.amplitude)
     return np.full(trace.t.shape, floor), ESTIMATED
 
 
@@ -192,11 +213,11 @@ def _repeated(t: np.ndarray, x: np.ndarray, fitted: np.ndarray, segmentation: Se
     resting = fitted & (t > (np.inf if segmentation.rest is None else segmentation.rest))
     if not resting.any() or not segmentation.resolution > 0:
         return repeated
-    samples = np.flatnonzero(fitted)
-    steps = (x[samples] - np.median(x[resting])) / segmentation.resolution
+    samples, step = np.flatnonzero(fitted), segmentation.gain * segmentation.resolution
+    steps = (x[samples] - np.median(x[resting])) / step
     moves = np.flatnonzero(np.abs(steps) > _MOVED)
     rest = samples[moves[-1] + 1 :] if moves.size else samples
-    if rest.size and np.var(x[rest]) <= DITHERED * segmentation.resolution**2:
+    if rest.size and np.var(x[rest]) <= DITHERED * step**2:
         repeated[rest[1:]] = True
     return repeated
 
@@ -258,9 +279,7 @@ def _half_cycles(segmentation: Segmentation, t_start: float, last_reversal: int 
 
 
 def _guess_state(
-    t: np.ndarray,
-    x: np.ndarray,
-    mask: np.ndarray,
+    data: Record,
     segmentation: Segmentation,
     t_start: float,
     origin: float,
@@ -271,7 +290,8 @@ def _guess_state(
 
     An offset that is not free is zero.
     """
-    offset = equilibrium(segmentation) if "offset" in nuisances else 0.0
+    t, x, mask = data.t, data.displacement, data.mask
+    offset = _offset(data, segmentation) if "offset" in nuisances else 0.0
     first = (
         segmentation.turning_times.size > 0
         and abs(segmentation.turning_times[0] - t_start) < 1e-9 * segmentation.half_period
@@ -283,7 +303,27 @@ def _guess_state(
         x0, v0 = _local_state(t[near], x[near], t_start, segmentation.half_period)
         # A release is from rest. A free v0 needs a start value away from the kink at zero.
         v0 = 0.0 if mode == "release" and "v0" not in nuisances else v0
-    return {"x0": x0 - offset, "v0": v0, "offset": offset, "drift": 0.0, "t_release": t_start - origin, "z0": 1.0}
+    x0 -= centre_of(data.observation, segmentation, offset)
+    return {"x0": x0, "v0": v0, "offset": offset, "drift": 0.0, "t_release": t_start - origin, "z0": 1.0}
+
+
+def _offset(data: Record, segmentation: Segmentation) -> float:
+    """Return the start value of the offset, as a reading."""
+    if data.observation.kind == "displacement":
+        return equilibrium(segmentation)
+    value = data.displacement - equilibrium(segmentation)
+    for _ in range(data.observation.order):
+        value = np.gradient(value, data.t)
+    return float(np.mean((data.x - data.observation.read(value))[data.mask]))
+
+
+def centre_of(observation: Observation, segmentation: Segmentation, offset: float) -> float:
+    """Return the equilibrium among the turning points [m or rad].
+
+    The zero of a displacement sensor is its `offset`. The turning points of other readings follow from the motion, so
+    only their own middle is known.
+    """
+    return offset if observation.kind == "displacement" else equilibrium(segmentation)
 
 
 def _local_state(t: np.ndarray, x: np.ndarray, at: float, half_period: float) -> tuple[float, float]:

@@ -11,11 +11,12 @@ from typing import Any
 import jax
 import numpy as np
 
+from ..data.observation import Observation, observed_as
 from ..data.record import Record, Step
 from ..data.trace import Trace
 from ..errors import UsageError, check_type, nearest
 from ..friction.base import laws_of
-from ..oscillator import RESULTS, ExponentialRelease, Oscillator, is_successful, simulate
+from ..oscillator import RESULTS, ExponentialRelease, Motion, Oscillator, is_successful, observe, simulate
 from ..oscillator.oscillator import leaves_of
 from ..oscillator.restoring import Pendulum
 from ..show.working import working
@@ -41,7 +42,10 @@ def synthetic_run(
     floor_acceleration_psd: float = 0.0,
     **instrument: Any,
 ) -> Record:
-    """Simulate the record of a displacement interferometer.
+    """Simulate the record of a displacement interferometer, or of another sensor.
+
+    The numbers of the instrument are then in the unit of its reading: noise and offset (bias) of a gyroscope are in
+    rad/s, and its drift is in rad/s^2.
 
     Args:
         oscillator: the machine and its friction law, with the true coefficients.
@@ -56,7 +60,9 @@ def synthetic_run(
         release_time_constant: decay time of the force of the holding magnet [s]; 0: instantaneous release.
         floor_acceleration_psd: one-sided power spectral density of the white floor acceleration [(m/s^2)^2/Hz].
         **instrument: the other fields of :class:`Interferometer`: `quantisation`, `offset`, `drift`,
-            `periodic_nonlinearity`, `wavelength`, `passes`, `sampling_jitter`, `scale_error`.
+            `periodic_nonlinearity`, `wavelength`, `passes`, `sampling_jitter`, `scale_error`. And `observation`, the
+            map from the motion to the reading: "displacement", "velocity", "acceleration", or an
+            :class:`fricjax.Observation`.
 
     Returns:
         The record. `trace.sigma` combines noise and rounding (None without both). `meta` contains everything needed to
@@ -75,6 +81,7 @@ def synthetic_run(
         ((500,), ['motion', 'offset', 'noise'])
     """
     run = Run(x0, v0, rate, duration, hold, release_time_constant, floor_acceleration_psd)
+    named = instrument.pop("observation", "displacement")
     interferometer = _interferometer(noise, instrument)
     # By their shortest unambiguous names, as in a fit.
     check_type("oscillator", oscillator, Oscillator, "an Oscillator")
@@ -85,25 +92,35 @@ def synthetic_run(
     children = np.random.SeedSequence(int(seed)).spawn(len(_STREAMS))
     generators = {name: np.random.default_rng(child) for name, child in zip(_STREAMS, children, strict=True)}
     t = np.arange(run.samples) / run.rate
-    x, v, moved = _motion(oscillator, run, t, generators["floor"])
+    observed = observed_as(named, "rad" if isinstance(oscillator.restoring, Pendulum) else "m")
+    _check_effects(observed, interferometer)
+    x, v, moved = _motion(oscillator, run, t, generators["floor"], observed)
     x, effects = interferometer.observe(t, x, v, generators)
-    meta = _meta(oscillator, coefficients, run, interferometer, int(seed))
+    meta = _meta(oscillator, coefficients, run, interferometer, int(seed), observed)
     return Record(Trace(t, x, sigma=interferometer.sigma or None), meta, (*moved, *effects))
 
 
 def _interferometer(noise: float, instrument: dict[str, Any]) -> Interferometer:
     names = [field.name for field in (*dataclasses.fields(Interferometer), *dataclasses.fields(Run))]
-    known = [*names, "seed"]
+    known = [*names, "observation", "seed"]
     for name in instrument:
         if name not in known:
             raise UsageError(f"synthetic_run has no keyword {name!r}.{nearest(name, known)} It has {', '.join(known)}.")
     return Interferometer(noise=noise, **instrument)
 
 
+def _check_effects(observation: Observation, interferometer: Interferometer) -> None:
+    """Refuse effects that only a displacement has."""
+    only = ("periodic_nonlinearity", "sampling_jitter")
+    for name in only if observation.kind != "displacement" else ():
+        if np.any(getattr(interferometer, name)):
+            raise UsageError(f"{name} is an effect of a displacement sensor. Leave it out for a {observation.kind}.")
+
+
 def _motion(
-    oscillator: Oscillator, run: Run, t: np.ndarray, generator: np.random.Generator
+    oscillator: Oscillator, run: Run, t: np.ndarray, generator: np.random.Generator, observation: Observation
 ) -> tuple[np.ndarray, np.ndarray, tuple[Step, ...]]:
-    """True displacement and velocity at the sample times, and log steps."""
+    """True reading and velocity at the sample times, and log steps."""
     conditions = {"x0": run.x0, "v0": run.v0, "rate": run.rate, "duration": run.duration, "hold": run.hold}
     steps = [Step("motion", conditions, f"{t.size} samples of a release from {run.x0:g} at {run.hold:g} s")]
     floor = release = None
@@ -115,14 +132,19 @@ def _motion(
         floor = white_acceleration(t.size, run.rate, run.floor_acceleration_psd, generator)
         text = f"white floor acceleration of {floor.std():.3g} m/s^2 rms up to {run.rate / 2:g} Hz drives the mass"
         steps.append(Step("floor_motion", {"floor_acceleration_psd": run.floor_acceleration_psd}, text))
-    x, v = _integrate(oscillator, run, t - run.hold, floor, release)
+    motion = _integrate(oscillator, run, t - run.hold, floor, release)
+    reading = np.asarray(observe(oscillator, motion, observation, base_acceleration=floor))
+    if observation.kind != "displacement":
+        conditions = {name: value for name, value in dataclasses.asdict(observation).items() if name != "motion"}
+        steps.append(Step("observation", conditions, f"{observation.name.lower()} in {observation.unit}"))
     before_release = t < run.hold
-    return np.where(before_release, run.x0, x), np.where(before_release, 0.0, v), tuple(steps)
+    still = observation.read(np.float64(0.0 if observation.order else run.x0))
+    return np.where(before_release, still, reading), np.where(before_release, 0.0, motion.v), tuple(steps)
 
 
 def _integrate(
     oscillator: Oscillator, run: Run, ts: np.ndarray, floor: np.ndarray | None, release: ExponentialRelease | None
-) -> tuple[np.ndarray, np.ndarray]:
+) -> Motion:
     """Integrate the motion with an engine that can follow it.
 
     The result before the release has no meaning.
@@ -134,13 +156,17 @@ def _integrate(
         motion = simulate(oscillator, run.x0, ts, engine="diffrax", **drive)
     if not is_successful(motion.result):
         raise UsageError(f"The motion could not be computed: {RESULTS[motion.result]}")
-    return np.asarray(motion.x), np.asarray(motion.v)
+    return motion
 
 
 def _meta(
-    oscillator: Oscillator, coefficients: dict[str, float], run: Run, interferometer: Interferometer, seed: int
+    oscillator: Oscillator,
+    coefficients: dict[str, float],
+    run: Run,
+    interferometer: Interferometer,
+    seed: int,
+    observation: Observation,
 ) -> dict[str, Any]:
-    quantity = "rad" if isinstance(oscillator.restoring, Pendulum) else "m"
     laws = laws_of(oscillator.friction)
     parameters = {**dataclasses.asdict(run), **dataclasses.asdict(interferometer), "seed": seed}
     parameters["periodic_nonlinearity"] = list(parameters["periodic_nonlinearity"])
@@ -148,8 +174,8 @@ def _meta(
         "source": "synthetic run",
         "format": "synthetic",
         "columns": {"t": "t", "x": "x"},
-        "units": {"t": "s", "x": quantity},
-        "quantity": quantity,
+        "units": {"t": "s", "x": observation.unit},
+        **observation.meta,
         "release_time": run.hold,
         "friction": " + ".join(type(law).__name__ for law in laws),
         "restoring": type(oscillator.restoring).__name__,

@@ -6,6 +6,7 @@ from .engines.hybrid import Hybrid
 from .engines.smooth import Smooth
 from .engines.smooth.rosenbrock import Rodas5P
 from .motion import Motion, Start
+from .observed import observe
 from .oscillator import AbstractRelease, ExponentialRelease, Oscillator
 from .outcome import RESULTS, is_successful
 from .program import Program
@@ -30,6 +31,7 @@ __all__ = [
     "energy",
     "final_displacement",
     "is_successful",
+    "observe",
     "one_at_a_time",
     "one_blas_thread",
     "ready",

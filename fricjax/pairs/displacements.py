@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..data.gather import gather
-from ..data.record import Record, labels
+from ..data.record import Record, check_displacement, labels
 from ..data.segmentation.decay import Segmentation
 from ..data.segmentation.reversals import order_for, point_std, window
 from ..data.table import read_table
@@ -63,6 +63,7 @@ def pairs_of(records: Any, *, start: str = "first_reversal") -> Pairs:
     runs = gather(records)
     rows = []
     for run, label in zip(runs, labels([run.name for run in runs]), strict=True):
+        check_displacement(run, "a pair of displacements")
         segmentation, amplitude = run.segmentation, run.segmentation.amplitude
         if segmentation.rest is None or segmentation.rest_position is None:
             raise DataError(

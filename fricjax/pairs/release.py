@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..data.gather import record_of
+from ..data.record import check_displacement
 from ..errors import DataError, UsageError, check_type
 from ..fitting import Fit
 from ..oscillator import ExponentialRelease, simulate
@@ -55,6 +56,7 @@ def fit_release(data: Any, fit: Fit) -> Estimates:
     from scipy.optimize import least_squares
 
     record = record_of(data)
+    check_displacement(record, "the force of the release")
     check_type("fit", fit, Fit, "the Fit of fricjax.fit")
     machine, offset, segmentation = fit.oscillator, fit.run_parameter("offset"), record.segmentation
     if not segmentation.turning_times.size:

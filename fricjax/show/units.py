@@ -35,7 +35,7 @@ def rotary_unit(unit: str, quantity: str) -> str:
 
     Args:
         unit: unit on a linear rig, e.g. "N s/m".
-        quantity: unit of the displacement: "m" for a linear rig, "rad" for a rotary one.
+        quantity: unit of the displacement, "m" for a linear rig and "rad" for a rotary one, or that of its derivative.
 
     Returns:
         The unit on that rig. A unit that is the same on both rigs is returned unchanged.
@@ -45,7 +45,7 @@ def rotary_unit(unit: str, quantity: str) -> str:
         >>> rotary_unit("N s/m", "rad"), rotary_unit("N s/m", "m"), rotary_unit("Hz", "rad")
         ('N m s/rad', 'N s/m', 'Hz')
     """
-    return ROTARY.get(unit, unit) if quantity == "rad" else unit
+    return ROTARY.get(unit, unit) if quantity.startswith("rad") else unit
 
 
 def display_unit(magnitude: float, unit: str) -> tuple[float, str]:

@@ -7,7 +7,7 @@ import numpy as np
 from .forces import Forces, Values
 from .lookup import value_and_slope
 from .mesh import Mesh
-from .nodes import Start, make_nodes, sample
+from .nodes import Start, make_nodes, sample, sample_derivative
 from .phase import LARGEST_CORRECTION, Rates, charted, iterate
 
 # The lapse of time is one over the phase rate. A tenth of the undisturbed rate is the limit of the other engines too.
@@ -66,6 +66,8 @@ class Decay(NamedTuple):
             integrate it: a half-cycle that barely leaves rest, a phase that runs backwards, iterations that do not
             converge, or NaN. Estimate the remaining error by :func:`fricjax.tables.error`.
         quality: numbers that decide it.
+        derivative: derivative of `x` by time of the requested order, its columns, and its derivative by time; those of
+            order 0 are `x`, `columns` and `v`.
 
     Examples:
         >>> "excess" in Decay._fields
@@ -81,6 +83,7 @@ class Decay(NamedTuple):
     amplitudes: Values
     resolved: Any
     quality: Quality
+    derivative: tuple[Values, Values, Values]
 
 
 def decay(
@@ -91,6 +94,7 @@ def decay(
     rests: Any = True,
     iterations: Any = 6,
     xp: Any = np,
+    order: int = 0,
 ) -> Decay:
     """Integrate all half-cycles of a decay and sample the motion.
 
@@ -106,6 +110,7 @@ def decay(
         iterations: number of iterations. Each squares the relative error: 4 to 6 from rough turning points, 2 to 3 from
             the amplitudes at nearby coefficients.
         xp: `numpy` or `jax.numpy`.
+        order: order of the derivative by time in `derivative`, 0 to 3.
 
     Examples:
         >>> import fricjax as fj
@@ -133,7 +138,9 @@ def decay(
     turning_points, excess = _rest_condition(xp, forces, mesh, rates)
     resolved = (quality.speed <= 1) & (quality.travel <= 1)
     resolved &= (quality.correction <= LARGEST_CORRECTION) & (quality.phase_rate >= _SLOWEST_PHASE)
-    return Decay(x, v, columns, turning_points, excess, nodes.duration, state.amplitudes, resolved, quality)
+    derivative = sample_derivative(xp, nodes, xp.asarray(ts), order) if order else (x, columns, v)
+    ends = turning_points, excess, nodes.duration
+    return Decay(x, v, columns, *ends, state.amplitudes, resolved, quality, derivative)
 
 
 def reversals(forces: Forces, mesh: Mesh, x0: Any, iterations: Any = 6, xp: Any = np) -> Reversals:

@@ -2,6 +2,8 @@
 
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from .forces import Forces, Values
 from .lookup import columns_at, once
 from .mesh import Mesh
@@ -97,6 +99,61 @@ def sample(xp: Any, nodes: Nodes, ts: Any, rests: Any) -> tuple[Any, Any, Any]:
     values = xp.where(behind[:, None], xp.where(rests, nodes.end, xp.nan), values)
     v = xp.where(behind, xp.where(rests, 0.0, xp.nan), xp.where(ts > 0, v, 0.0))
     return values[:, 0], v, values[:, 1:]
+
+
+def sample_derivative(xp: Any, nodes: Nodes, ts: Any, order: int) -> tuple[Any, Any, Any]:
+    """Interpolate a derivative of the displacement by time.
+
+    It is the derivative of the quintic polynomials of :func:`sample`.
+
+    Args:
+        xp: `numpy` or `jax.numpy`.
+        nodes: motion at the nodes.
+        ts: times [s], shape (samples,). Before the first node and after the last half-cycle the mass is at rest.
+        order: order of the derivative, from 1 to 3.
+
+    Returns:
+        The derivative [m/s^order], shape (samples,); its derivatives by the columns of the tables, shape (samples,
+        columns); and its derivative by time, shape (samples,).
+    """
+    at = xp.clip(ts, 0.0, xp.where(xp.isnan(nodes.duration), xp.inf, nodes.duration))
+    index = xp.clip(xp.searchsorted(nodes.t, at, side="right") - 1, 0, nodes.t.shape[-1] - 2)
+    begin = xp.take(nodes.t, index, mode="clip")
+    step = xp.take(nodes.t, index + 1, mode="clip") - begin
+    step = xp.where(step > 0, step, 1.0)
+    left = xp.take(nodes.motion, index, axis=0, mode="clip")
+    right = xp.take(nodes.motion, index + 1, axis=0, mode="clip")
+    moving = (ts > 0) & (ts <= nodes.duration)
+
+    def derivative(order: int, columns: slice) -> Any:
+        weights = _derivative_weights(xp, (at - begin) / step, step, order)
+        values = xp.einsum("sk,skc->sc", weights[:, :3], left[:, :, columns])
+        values = values + xp.einsum("sk,skc->sc", weights[:, 3:], right[:, :, columns])
+        return xp.where(moving[:, None], values, 0.0)
+
+    values = derivative(order, slice(None))
+    return values[:, 0], values[:, 1:], derivative(order + 1, slice(1))[:, 0]
+
+
+# Coefficients of the quintic Hermite polynomials in powers of the fraction of a step, in the order of `_hermite`.
+_QUINTIC = np.array(
+    [
+        [1.0, 0.0, 0.0, -10.0, 15.0, -6.0],
+        [0.0, 1.0, 0.0, -6.0, 8.0, -3.0],
+        [0.0, 0.0, 0.5, -1.5, 1.5, -0.5],
+        [0.0, 0.0, 0.0, 10.0, -15.0, 6.0],
+        [0.0, 0.0, 0.0, -4.0, 7.0, -3.0],
+        [0.0, 0.0, 0.0, 0.5, -1.0, 0.5],
+    ]
+)
+
+
+def _derivative_weights(xp: Any, q: Any, step: Any, order: int) -> Any:
+    """Return weights of (x, v, a) at both ends, shape (samples, 6)."""
+    coefficients = np.polynomial.polynomial.polyder(_QUINTIC, order, axis=1)
+    powers = xp.stack([q**k for k in range(coefficients.shape[1])], axis=-1)
+    scale = xp.stack([xp.ones_like(step), step, step * step] * 2, axis=-1)
+    return powers @ coefficients.T * scale / step[:, None] ** order
 
 
 def _hermite(xp: Any, q: Any, step: Any) -> tuple[Any, Any]:

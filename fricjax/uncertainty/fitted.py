@@ -151,7 +151,7 @@ def inputs_of(fit: Fit, rig: Rig | None) -> dict[str, Input]:
 
 def _unit(fit: Fit, name: str) -> str:
     stem = name.removesuffix("_sine").removesuffix("_cosine")
-    return rotary_unit(UNITS[stem], fit.quantity)
+    return rotary_unit(UNITS[stem], fit.observation.motion)
 
 
 def _stated(fit: Fit, inputs: Mapping[str, Any]) -> dict[str, Any]:

@@ -125,9 +125,8 @@ def test_the_log_names_other_displacements(tmp_path):
 
 
 REFUSED = {
-    "a bare angular velocity": ("rate_gyro.csv", "names no unit and seems to be a velocity", "give its unit="),
-    "an angular velocity": ("rate_gyro_units.csv", "is a velocity (rad/s), which fricjax cannot fit yet", "column="),
-    "a filmed pendulum": ("tracker.txt", "lie on a circle of radius 0.418", "convert it to the angle"),
+    "a bare angular velocity": ("rate_gyro.csv", "names no unit and seems to be a velocity", "unit='rad/s'"),
+    "a filmed pendulum": ("tracker.txt", "lie on a circle of radius 0.418", "pendulum_length='0.42 m'"),
     "another header": ("header_other_separator.csv", "several columns", "('Forzante', 'Pendolo')"),
 }
 
@@ -141,20 +140,40 @@ def test_what_no_fit_can_use_is_refused_with_the_reason():
     check_rows(check, REFUSED)
 
 
-ACCELERATIONS = ("acceleration (g)", "acc_x", "ax [m/s^2]", "angular acceleration [rad/s^2]", "accelerometer [mg]")
+# Titles of columns, with the SI unit of the reading and the value of 1 in it; no unit for those that lack one.
+READINGS = {
+    "acceleration (g)": ("m/s^2", 9.80665),
+    "accelerometer [mg]": ("m/s^2", 9.80665e-3),
+    "ax [m/s^2]": ("m/s^2", 1.0),
+    "angular acceleration [rad/s^2]": ("rad/s^2", 1.0),
+    "v [mm/s]": ("m/s", 1e-3),
+    "gyro z (deg/s)": ("rad/s", np.pi / 180),
+    "rate (rpm)": ("rad/s", np.pi / 30),
+    "acc_x": (None, 0.0),
+    "speed": (None, 0.0),
+}
 
 
-def test_accelerations_and_velocities_are_no_displacements(tmp_path):
+def test_accelerations_and_velocities_are_read_as_such(tmp_path):
     path = tmp_path / "run.csv"
-    for kind, titles in (("an acceleration", ACCELERATIONS), ("a velocity", ("speed", "v [mm/s]", "gyro z (deg/s)"))):
-        for title in titles:
-            path.write_text(lines(f"t,{title}", *(f"{i},{i % 7}" for i in range(40))))
-            with pytest.raises(DataError, match=kind):
+
+    def check(title, unit, one):
+        path.write_text(lines(f"t,{title}", *(f"{i},{i % 7}" for i in range(40))))
+        if unit is None:
+            with pytest.raises(DataError, match=r"names no unit and seems to be (a velocity|an acceleration)"):
                 read(path)
-            path.write_text(lines(f"t,{title},position", *(f"{i},{i % 7},{i}" for i in range(40))))
-            assert read(path).meta["columns"]["x"] == "position"
+        else:
+            record = read(path)
+            assert (record.quantity, record.x[1]) == (unit, pytest.approx(one, rel=1e-14))
+        # A displacement is preferred to its derivatives.
+        path.write_text(lines(f"t,{title},position", *(f"{i},{i % 7},{i}" for i in range(40))))
+        assert read(path).meta["columns"]["x"] == "position"
+
+    check_rows(check, {title: (title, *row) for title, row in READINGS.items()})
     path.write_text(lines("t,speed", *(f"{i},{i % 7}" for i in range(40))))
     assert read(path, unit="mm").x[1] == 1e-3
+    path.write_text(lines("t,acc_x", *(f"{i},{i % 7}" for i in range(40))))
+    assert read(path, unit="g").x[1] == 9.80665
 
 
 @pytest.mark.parametrize("rows", [[0], [1, 5], range(1, 41), range(41)])

@@ -29,7 +29,7 @@ OURS = {
     "gf",
     "microinch",
 }
-OURS |= {"pounds", "ozf", "hr", "Å"}
+OURS |= {"pounds", "ozf", "hr", "Å", "gn"}
 QUOTIENTS = [
     "m/s", "mm/s^2", "N/m", "N s/m", "N*m*s/rad", "kg m^2", "kg*m**2/s^2", "1/s", "N m/rad", "um/N", "s^-1",
     "N s^2/m^2", "mN/um", "N/(m s)", "rad/s", "N/m^3",

@@ -7,6 +7,7 @@ import pytest
 
 from fricjax import Oscillator, Trace
 from fricjax.data import Segmentation
+from fricjax.data.observation import DISPLACEMENT
 from fricjax.fitting.guess import guess_machine
 from fricjax.fitting.law_start import force_of
 from fricjax.fitting.presliding import Machine, contact_of, stiffest
@@ -43,8 +44,9 @@ def at_rest_after(after, *, turned: float = -0.4 * BAND, length: float = 0.1) ->
     )  # fmt: skip
     sigma, used = np.full(t.shape, NOISE), np.ones(t.shape, bool)
     return Window(
-        trace=Trace(t, x, sigma=NOISE), quantity="m", segmentation=found, origin=0.0, t_start=0.0, used=used,
-        moving=used, repeated=~used, sigma=sigma, sigma_source="given", half_cycles=4, nuisances=(), guesses={},
+        trace=Trace(t, x, sigma=NOISE), observation=DISPLACEMENT, segmentation=found, origin=0.0, t_start=0.0,
+        used=used, moving=used, repeated=~used, sigma=sigma, sigma_source="given", half_cycles=4, nuisances=(),
+        guesses={},
     )  # fmt: skip
 
 

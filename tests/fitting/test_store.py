@@ -45,7 +45,7 @@ def strict(path):
 
 def test_the_file_is_strict_json_with_a_schema(saved, found):
     content = strict(saved)
-    assert content["schema"] == "fricjax.fit/7"
+    assert content["schema"] == "fricjax.fit/8"
     assert content["values"]["mu"] == found.values["mu"]
     assert content["std_errors"]["damping"] == "inf"
     assert not list(saved.parent.glob(".*"))
@@ -124,11 +124,11 @@ def test_a_fit_that_is_not_finite_claims_no_numerical_accuracy(found):
     ("content", "sentence"),
     [
         ("no json", r"fit\.json is not a JSON file: .* Write fits with fit\.save\(\)\."),
-        ("[1, 2]", r"fit\.json holds no fit of schema fricjax\.fit/7 but 'list'\. Write it again with fit\.save\(\)\."),
-        ('{"schema": "fricjax.fit/1"}', r"holds no fit of schema fricjax\.fit/7 but 'fricjax\.fit/1'\. Write it again"),
-        ('{"schema": "fricjax.fit/9"}', r"holds no fit of schema fricjax\.fit/7 but 'fricjax\.fit/9'"),
+        ("[1, 2]", r"fit\.json holds no fit of schema fricjax\.fit/8 but 'list'\. Write it again with fit\.save\(\)\."),
+        ('{"schema": "fricjax.fit/1"}', r"holds no fit of schema fricjax\.fit/8 but 'fricjax\.fit/1'\. Write it again"),
+        ('{"schema": "fricjax.fit/9"}', r"holds no fit of schema fricjax\.fit/8 but 'fricjax\.fit/9'"),
         (
-            '{"schema": "fricjax.fit/7"}',
+            '{"schema": "fricjax.fit/8"}',
             r"fit\.json does not hold names, values, .*: only files written by fit",
         ),
     ],

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import DataError, quoted
+from ..observation import Observation
 from ..record import Record, Step
-from ..units import DISPLACEMENT, TIME
+from ..units import READING, TIME, gravity
 from .choice import Choice
 from .choose import Samples, samples_of
 from .header import rate_of_change, scale_of
@@ -20,6 +21,13 @@ from .sheet import Column, Sheet
 
 if TYPE_CHECKING:
     from ..trace import Trace
+
+
+# Words for a column without a unit, and the options that name one.
+_RATES = {
+    "velocity": ("a velocity", "unit='rad/s', unit='deg/s' or unit='m/s'"),
+    "acceleration": ("an acceleration", "unit='m/s^2', unit='g' or unit='rad/s^2'"),
+}
 
 
 def records_of(path: Path, kind: str, sheet: Sheet, choice: Choice, **of_format: Any) -> Record | list[Record]:
@@ -59,8 +67,10 @@ def assemble(path: Path, kind: str, samples: Samples, choice: Choice, **of_forma
         choice = dataclasses.replace(choice, rate=samples.rate)
     x, values, time = samples.x, samples.values, samples.time
     where = f"the displacement '{x.name}' of {path.name}"
-    _refuse_rates_of_change(path, x, choice)
-    scale, quantity = scale_of(x.unit, choice.unit, DISPLACEMENT, where, "unit")
+    _refuse_without_unit(path, x, choice)
+    titled = gravity(x.unit) if rate_of_change(x.name, x.unit) == "acceleration" else x.unit
+    scale, quantity = scale_of(titled, gravity(choice.unit), READING, where, "unit")
+    observed = _projected(choice, quantity, where)
     t, time_unit = _times(path, samples, choice)
     used = np.count_nonzero(np.isfinite(values))
     if used < MINIMUM_SAMPLES:
@@ -79,6 +89,7 @@ def assemble(path: Path, kind: str, samples: Samples, choice: Choice, **of_forma
         "columns": {"t": None if time is None else time.name, "x": x.name},
         "units": {"t": time_unit, "x": unit or quantity},
         "quantity": quantity,
+        **observed,
         "release_time": None,
         **({} if x.run is None else {"run": x.run}),
         **({} if unit else {"warnings": [_unit_missing(path, samples, choice)]}),
@@ -87,21 +98,24 @@ def assemble(path: Path, kind: str, samples: Samples, choice: Choice, **of_forma
     return Record(trace, meta, (read,))
 
 
-def _refuse_rates_of_change(path: Path, x: Column, choice: Choice) -> None:
-    unit = x.unit or choice.unit
-    quantity = rate_of_change(x.name, unit)
-    if quantity is None:
-        return
-    one = "a velocity" if quantity == "velocity" else "an acceleration"
-    if unit:
+def _refuse_without_unit(path: Path, x: Column, choice: Choice) -> None:
+    """Refuse a velocity or an acceleration without a unit."""
+    kind = None if x.unit or choice.unit else rate_of_change(x.name, None)
+    if kind is not None:
+        one, units = _RATES[kind]
         raise DataError(
-            f"'{x.name}' of {path.name} is {one} ({unit}), which fricjax cannot fit yet. Choose a displacement or an "
-            "angle with column=, or export one."
+            f"'{x.name}' of {path.name} names no unit and seems to be {one}. Give its unit, such as {units}. If it is "
+            "a displacement or an angle, give that unit."
         )
-    raise DataError(
-        f"'{x.name}' of {path.name} names no unit and seems to be {one}, which fricjax cannot fit yet. If it is a "
-        "displacement or an angle, give its unit=."
-    )
+
+
+def _projected(choice: Choice, quantity: str, where: str) -> dict[str, Any]:
+    """Return the metadata of a filmed pendulum, if its length is given."""
+    if choice.pendulum_length is None:
+        return {}
+    if quantity != "m":
+        raise DataError(f"pendulum_length= needs a position in m, mm or pixels, but {where} is in {quantity}.")
+    return Observation("projection", length=choice.length).meta
 
 
 def with_choice(record: Record, choice: Choice) -> Record:

@@ -22,6 +22,7 @@ class Choice:
     sigma: Any = None
     sign: int = 1
     run: Any = None
+    pendulum_length: Any = None
 
     def __post_init__(self) -> None:
         for name in ("unit", "time_unit"):
@@ -38,13 +39,28 @@ class Choice:
         if self.sign not in (1, -1):
             raise UsageError(f"sign must be 1 or -1, but it is {self.sign}.")
 
+        if self.pendulum_length is not None and not self.length > 0:
+            raise UsageError(f"pendulum_length must be positive, but it is {self.pendulum_length}.")
+
+    @property
+    def length(self) -> float:
+        """Length of a filmed pendulum [m].
+
+        Raises:
+            DataError: a text that is neither a number nor a length.
+        """
+        try:
+            return float(self.pendulum_length)
+        except (TypeError, ValueError):
+            return scale_of(None, str(self.pendulum_length), ("m",), "the length of the pendulum", "pendulum_length")[0]
+
     @property
     def takes_all(self) -> bool:
         """True if no column or unit is chosen.
 
         A record in the package's own format is then restored as it was written.
         """
-        columns_and_units = (self.column, self.time, self.unit, self.time_unit, self.rate)
+        columns_and_units = (self.column, self.time, self.unit, self.time_unit, self.rate, self.pendulum_length)
         return all(value is None for value in columns_and_units) and (self.run is None or self.all_runs)
 
     @property

@@ -72,7 +72,7 @@ def samples_of(sheet: Sheet, choice: Choice, source: str) -> list[Samples]:
     elif choice.run is not None and not choice.all_runs:
         runs = [_run(choice.run, by_run.runs, source)]
     pairs = [_pair(by_run, run, choice, source) for run in runs or [None]]
-    if choice.column is None:
+    if choice.column is None and choice.pendulum_length is None:
         for x, _ in pairs:
             _check_circle(sheet, x, source)
     wanted = list(dict.fromkeys(column for pair in pairs for column in pair if column is not None))
@@ -125,8 +125,8 @@ def _check_circle(sheet: Sheet, x: Column, source: str) -> None:
     if np.isfinite(radius) and off < _ON_CIRCLE * straight:
         raise DataError(
             f"'x' and 'y' of {source} lie on a circle of radius {radius:.4g}, as of a filmed pendulum. "
-            "x = L sin(theta) is no displacement that fricjax can fit: convert it to the angle, or give column='x' to "
-            "fit it as it is."
+            "Then x = L sin(theta) is no displacement: give the length of the pendulum, pendulum_length='0.42 m', to "
+            "fit its angle, or column='x' to fit x as it is."
         )
 
 
@@ -295,7 +295,7 @@ def _displacement(columns: Sequence[Column], choice: Choice, source: str) -> Col
         for column in columns
         if not column.is_time and (column in usable if bare else column.bare or not counts_rows(column))
     ]
-    candidates = [column for column in candidates if rate_of_change(column.last, column.unit) is None] or candidates
+    candidates = _without_rates(candidates)
     if not candidates:
         names = quoted(_labels(columns))
         raise DataError(f"{source} holds no displacement, only {names or 'no columns'}; name one with column=.")
@@ -321,6 +321,15 @@ def _displacement(columns: Sequence[Column], choice: Choice, source: str) -> Col
             break
     names = quoted(_labels(candidates))
     raise DataError(f"{source} has several columns that could be the displacement ({names}); name one with column=.")
+
+
+def _without_rates(columns: list[Column]) -> list[Column]:
+    """Prefer displacements to their rates of change, and these to columns of other units."""
+    rates = [column for column in columns if rate_of_change(column.last, column.unit) is not None]
+    others = [column for column in columns if column not in rates]
+    usable = any(column.fault is None and measures(column.unit) in (None, "m", "rad") for column in others)
+    known = [column for column in rates if column.fault is None]
+    return known if known and not usable else others or columns
 
 
 def _is_usual(column: Column) -> bool:

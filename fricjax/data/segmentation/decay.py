@@ -57,6 +57,8 @@ class Segmentation:
     - `drift`: slope of x over the rest [1/s], 0.0 if the rest is shorter than a cycle.
     - `open`: alternative numbers of half-cycles, relative to `n_half_cycles`, such as `(-1, 1)`; empty if the number is
       certain.
+    - `gain`: reading over displacement, 1 unless the record is a velocity, an acceleration or a projection. Then
+      `noise`, `white_noise`, `resolution`, `lines` and `drift` are those of the reading, divided by it.
 
     Examples:
         >>> import fricjax as fj
@@ -80,6 +82,7 @@ class Segmentation:
     drift: float = 0.0
     open: tuple[int, ...] = ()
     release_position: float | None = None
+    gain: float = 1.0
 
     @property
     def frequency(self) -> float:
