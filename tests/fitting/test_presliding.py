@@ -45,7 +45,8 @@ def at_rest_after(after, *, turned: float = -0.4 * BAND, length: float = 0.1) ->
     sigma, used = np.full(t.shape, NOISE), np.ones(t.shape, bool)
     return Window(
         trace=Trace(t, x, sigma=NOISE), observation=DISPLACEMENT, segmentation=found, origin=0.0, t_start=0.0,
-        used=used, moving=used, repeated=~used, sigma=sigma, sigma_source="given", half_cycles=4, nuisances=(), guesses={},
+        used=used, moving=used, repeated=~used, sigma=sigma, sigma_source="given", half_cycles=4, nuisances=(),
+        guesses={},
     )  # fmt: skip
 
 
