@@ -215,3 +215,25 @@ def test_tables_and_engine_agree(name):
     scale = np.sqrt(np.outer(np.diag(normal), np.diag(normal)))
     off = np.abs(tabulated.residual - value)
     assert np.sort(off)[-8] < 1e-2 and np.max(np.abs(tabulated.normal - normal) / scale) < 1e-3
+
+
+# Powers of the scales of reading and time in the parameters, for known mass and load. A displacement is the integral of
+# a velocity, and that of an acceleration twice; k = m omega^2, c = 2 zeta m omega, and mu = k x_d/N.
+POWERS = {
+    "velocity": {"dead_band": (1, 1), "mu": (1, -1), "stiffness": (0, -2), "damping": (0, -1)},
+    "acceleration": {"dead_band": (1, 2), "mu": (1, 0), "stiffness": (0, -2), "damping": (0, -1)},
+}
+
+
+@pytest.mark.parametrize("kind", POWERS)
+def test_scales_of_reading_and_time_act_by_their_powers(kind):
+    scale, clock = 1e-4, 2e-4
+    uncertain = {"displacement_scale": fj.Measured(1.0, scale), "time_scale": fj.Measured(1.0, clock)}
+    rig = fj.Rig(mass=0.4, stiffness=TRUE["stiffness"], damping=TRUE["damping"], normal_force=LOAD, **uncertain)
+    fit = fj.fit(record(kind), LINEAR, FREE, rig=rig)
+    for name, powers in POWERS[kind].items():
+        value = fit.values[name] if name in fit.values else fit.kinematics[name].value
+        parts = fit.contributions[name]
+        found = parts["displacement_scale"] / value / scale, parts["time_scale"] / value / clock
+        # The noise turns the estimates a little: by some standard errors in units of the value.
+        assert found == pytest.approx(powers, abs=5e-3), name

@@ -15,11 +15,13 @@ from ..observation import Observation
 from .decay import Segmentation, segment
 from .disturbance import disturbance
 from .half_cycles import HalfCycles
-from .noise import resolution, typical_interval, white_noise
+from .noise import NORMAL_MAD, median, resolution, typical_interval, white_noise
 from .swing import PreparedTrace, without_spikes
 
 # Fewest turning points that show an equilibrium.
 _FEWEST = 3
+# Rounds that leave out averages far from the line, and this distance in median distances: three standard deviations.
+_TRIMS, _FAR = 4, 3.0 / NORMAL_MAD
 
 
 def segment_reading(
@@ -68,10 +70,37 @@ def displacement_of(observation: Observation, t: np.ndarray, y: np.ndarray, peri
         # The pivot lies in the middle of the swing, seen from the equilibrium.
         middle = np.mean(_averages(t, y, period)) - observation.read(np.float64(0.0))
         return np.arcsin(np.clip((y - middle) / observation.length, -1.0, 1.0)) - observation.angle
+    measured = t
+    t, y = _filled(t, y, period)
     for _ in range(observation.order):
         y = _integrated(t, y - _line(t, y, period))
         y = _without_wander(t, y - np.mean(_averages(t, y, period)))
-    return y
+    return y[np.searchsorted(t, measured)]
+
+
+def _filled(t: np.ndarray, y: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray]:
+    """Fill long gaps by oscillations that fit the samples on both sides.
+
+    The trapezoidal rule integrates an eighth of a period to about a twentieth, and an integral keeps its errors.
+    """
+    interval, parts = typical_interval(t), [(t, y)]
+    for begin in np.flatnonzero(np.diff(t) > period / 8):
+        near = (t > t[begin] - period) & (t < t[begin + 1] + period)
+        basis = lambda at, middle=t[begin]: _oscillation(2 * np.pi * (at - middle) / period)
+        shape = np.linalg.lstsq(basis(t[near]), y[near])[0]
+        more = np.arange(t[begin] + interval, t[begin + 1] - interval / 2, interval)
+        parts.append((more, basis(more) @ shape))
+    if len(parts) == 1:
+        return t, y
+    times, values = (np.concatenate(column) for column in zip(*parts, strict=True))
+    order = np.argsort(times, kind="stable")
+    return times[order], values[order]
+
+
+def _oscillation(phase: np.ndarray) -> np.ndarray:
+    """Return a straight line, and an oscillation with a linear amplitude, shape (n, 6)."""
+    wave = np.stack([np.ones(phase.size), np.cos(phase), np.sin(phase)], axis=1)
+    return np.concatenate([wave, phase[:, None] * wave], axis=1)
 
 
 def _integrated(t: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -95,8 +124,14 @@ def _line(t: np.ndarray, y: np.ndarray, period: float) -> np.ndarray:
     # A line needs averages that do not overlap.
     if inside.size < 2 or inside[-1] - inside[0] < period:
         return np.full(t.shape, np.mean(averages))
-    u, middle = inside - inside.mean(), np.mean(averages)
-    return middle + (t - inside.mean()) * (u @ (averages - middle)) / (u @ u)
+    u, usual = (inside - inside.mean()) / np.ptp(inside), np.ones(inside.size, bool)
+    basis = np.stack([np.ones(u.size), u], axis=1)
+    # A hold, a release by hand and a stop make a few averages large.
+    for _ in range(_TRIMS):
+        line = np.linalg.lstsq(basis[usual], averages[usual])[0]
+        off = np.abs(averages - basis @ line)
+        usual = off <= _FAR * median(off)
+    return line[0] + line[1] * (t - inside.mean()) / np.ptp(inside)
 
 
 def _without_wander(t: np.ndarray, y: np.ndarray) -> np.ndarray:
