@@ -194,7 +194,12 @@ def fit_rows(records: Sequence[Any], requests: Sequence[Request]) -> list[RunFit
         records: a record for each run, or the `DataError` or `UsageError` raised when it was read.
         requests: one for each run. All have the same law and loss; the machines may differ.
     """
-    rows, problems = plain_runs(records, requests), dict[int, Problem]()
+    rows, problems = dict[int, RunFit](), dict[int, Problem]()
+    for i, plain in plain_runs(records, requests).items():
+        if isinstance(plain, NoiseWeighted):
+            misfit = misfit_of(plain.problem, plain.solution, plain.noises, False)
+            plain = _row(plain, misfit).numbers("exact")
+        rows[i] = plain
     for i, (record, request) in enumerate(zip(records, requests, strict=True)):
         if i in rows:
             continue

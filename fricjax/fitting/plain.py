@@ -18,7 +18,8 @@ from ..estimation.status import CONVERGED
 from ..friction import Coulomb
 from ..oscillator.oscillator import leaves_of
 from ..oscillator.restoring import Linear
-from ..plain import COEFFICIENTS, ITERATIONS, RUN_COEFFICIENTS, PlainFits, fit_plain
+from ..plain import COEFFICIENTS, ITERATIONS, RUN_COEFFICIENTS, PlainFits, decay_slopes, fit_plain
+from ..rig.rig import READING
 from ..show import rotary_unit
 from . import diagnostics
 from .derived import UNITS, derive_on_host
@@ -27,11 +28,11 @@ from .names import NUISANCES
 from .noise import Noise
 from .noise_weighting import NoiseWeighted
 from .parameters import Request
-from .problem import problem_on
+from .problem import Problem, problem_on
 from .rig_inputs import contradiction
 from .run_fit import RunFit
 from .sketch import Sketch, few
-from .solve import Solution
+from .solve import Solution, with_inputs
 from .window import NEVER, OF_RESIDUALS, Window
 
 # Powers of the coefficients in each of the kinematic quantities, and its factor.
@@ -92,14 +93,16 @@ def solve_plain(record: Record, request: Request) -> NoiseWeighted | None:
     return next((_solved(record, request, block, 0) for block in _blocks([record], [request])), None)
 
 
-def plain_runs(records: Sequence[Any], requests: Sequence[Request]) -> dict[int, RunFit]:
+def plain_runs(records: Sequence[Any], requests: Sequence[Request]) -> dict[int, RunFit | NoiseWeighted]:
     """Fit the runs that are plain; return their numbers.
+
+    With uncertain inputs of a rig, the result is the solved problem.
 
     Args:
         records: a record for each run, or the error of reading it.
         requests: one for each run.
     """
-    rows = {}
+    rows = dict[int, RunFit | NoiseWeighted]()
     for block in _blocks(records, requests):
         columns = _columns(block, [records[i] for i in block.numbers])
         leaves = {leaf.name: leaf.coefficient.unit for leaf in leaves_of(requests[block.numbers[0]].oscillator)}
@@ -109,6 +112,9 @@ def plain_runs(records: Sequence[Any], requests: Sequence[Request]) -> dict[int,
         }
         for place, i in enumerate(block.numbers):
             record, request = records[i], requests[i]
+            if request.rig is not None:
+                rows[i] = _solved(record, request, block, place)
+                continue
             doubts = _doubts(record, request, block, place)
             segmentation = _segmentation(record, block, place)
             scale = implausible_scale(segmentation, block.interval, angular=record.quantity == "rad")
@@ -189,7 +195,8 @@ def _suits(request: Request) -> bool:
     machine, law, names = request.oscillator, request.oscillator.friction, set(request.free)
     fits = isinstance(law, Coulomb) and isinstance(machine.restoring, Linear) and float(machine.drag) == 0
     determined = not ({"mass", "stiffness"} <= names or {"mu", "normal_force"} <= names)
-    special = (request.bounds, request.priors, request.tie, request.rig)
+    special = (request.bounds, request.priors, request.tie)
+    uncertain = set() if request.rig is None else set(request.rig.inputs())
     usual = {"first_reversal": RUN_COEFFICIENTS, "release": RUN_COEFFICIENTS[1:]}.get(str(request.start))
     return (
         fits
@@ -198,6 +205,7 @@ def _suits(request: Request) -> bool:
         and determined
         and len(names) == len(request.free)
         and not any(special)
+        and uncertain.isdisjoint({*READING, "drag"})
         and usual is not None
         and request.nuisance in (None, usual)
         and request.engine == "auto"
@@ -329,18 +337,40 @@ def _solved(record: Record, request: Request, block: _Block, place: int) -> Nois
     space = problem.residual.space
     y = space.coordinates(values)
     slope = np.asarray(space.slope(y))
-    normal = slope[:, None] * fits.normal[place] * slope / sigma**2
-    gradient = -slope * fits.gradient[place] / sigma**2
+    jacobian = np.concatenate([_by_name(block, place, problem.names) * slope, _by_input(block, place, problem)], axis=1)
+    normal = jacobian.T @ at.normal[place] @ jacobian / sigma**2
+    gradient = -jacobian.T @ at.gradient[place] / sigma**2
+    y_full = with_inputs(problem.residual, y)
     residual = np.zeros(problem.residual.runs[0].t.size)
     residual[:n] = -fits.residuals[place] / sigma
     chi2 = float(residual @ residual)
     points = (at.sides[place] * at.amplitudes.value[place])[: int(at.half_cycles[place]) + 1]
-    shape = quadratic(gradient, normal, np.zeros(y.size, bool))
+    p = y.size
+    shape = quadratic(gradient[:p], normal[:p, :p], np.zeros(p, bool))
     joined = np.concatenate([residual, np.zeros(y.size)])
     evaluation = Evaluation(joined, chi2, chi2 / 2, gradient, normal, None, [points], [])
     solution = Solution(
-        y, evaluation, derive_on_host(problem.residual, y), shape, float(fits.remaining[place]), CONVERGED,
+        y_full, evaluation, derive_on_host(problem.residual, y_full), shape, float(fits.remaining[place]), CONVERGED,
         ITERATIONS, ITERATIONS + 1, 1,
     )  # fmt: skip
     white = np.sqrt(np.diag(shape.inverse))
     return NoiseWeighted(problem, solution, 1.0, 1.0, white, (Noise(),), np.zeros((y.size, y.size)))
+
+
+def _by_name(block: _Block, place: int, names: Sequence[str]) -> np.ndarray:
+    """Return the derivatives of the decay by coefficients, shape (6, names)."""
+    slopes = decay_slopes({name: values[place : place + 1] for name, values in block.machine.items()})
+    return np.stack([slopes[name][0] for name in names], axis=1)
+
+
+def _by_input(block: _Block, place: int, problem: Problem) -> np.ndarray:
+    """Return the derivatives of the decay by the inputs of the rig, shape (6, inputs)."""
+    names = [leaf.kind for leaf in leaves_of(problem.residual.oscillator)]
+    # A fitted coefficient does not follow its input.
+    moves = [name in COEFFICIENTS and name not in block.free for name in names]
+    known = [name for name, moved in zip(names, moves, strict=True) if moved]
+    return (
+        _by_name(block, place, known) @ problem.residual.inputs[:, : len(names)][:, moves].T
+        if known
+        else np.zeros((6, 0))
+    )

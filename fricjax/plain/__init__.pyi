@@ -1,3 +1,3 @@
-from .fits import COEFFICIENTS, ITERATIONS, RUN_COEFFICIENTS, PlainFits, fit_plain
+from .fits import COEFFICIENTS, ITERATIONS, RUN_COEFFICIENTS, PlainFits, decay_slopes, fit_plain
 
-__all__ = ["COEFFICIENTS", "ITERATIONS", "RUN_COEFFICIENTS", "PlainFits", "fit_plain"]
+__all__ = ["COEFFICIENTS", "ITERATIONS", "RUN_COEFFICIENTS", "PlainFits", "decay_slopes", "fit_plain"]

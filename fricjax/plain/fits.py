@@ -146,6 +146,37 @@ def fit_plain(
     return fits.only(~np.any(list(failed.values()), axis=0))
 
 
+def decay_slopes(m: Mapping[str, Any]) -> dict[str, np.ndarray]:
+    """Return the derivatives of a `FreeDecay` by each coefficient.
+
+    Args:
+        m: coefficients of machine and run, each of shape (runs,).
+
+    Returns:
+        Arrays of shape (runs, 6), by name of the coefficient.
+
+    Examples:
+        >>> machine = dict.fromkeys(("mass", "stiffness", "damping", "normal_force", "mu"), np.ones(1))
+        >>> decay_slopes(machine)["stiffness"].tolist()
+        [[0.0, 0.0, 0.0, 1.0, 0.0, -1.0]]
+    """
+    mass, stiffness, load = m["mass"], m["stiffness"], m["normal_force"]
+    omega2, rate, band = stiffness / mass, m["damping"] / (2 * mass), m["mu"] * load / stiffness
+    one, zero = np.ones_like(mass), np.zeros_like(mass)
+    # The last three columns are omega2, decay_rate and dead_band.
+    by_machine = {
+        "mass": (-omega2 / mass, -rate / mass, zero),
+        "stiffness": (1 / mass, zero, -band / stiffness),
+        "damping": (zero, 1 / (2 * mass), zero),
+        "normal_force": (zero, zero, m["mu"] / stiffness),
+        "mu": (zero, zero, load / stiffness),
+    }
+    slopes = {name: np.stack([zero, zero, zero, *each], axis=-1) for name, each in by_machine.items()}
+    for place, name in enumerate(RUN_COEFFICIENTS):
+        slopes[name] = np.stack([one if column == place else zero for column in range(6)], axis=-1)
+    return slopes
+
+
 class _Solved(NamedTuple):
     """Gauss-Newton step of each run, with the matrices of its least squares."""
 
@@ -270,24 +301,8 @@ class _Block(NamedTuple):
 
     def solve(self, x: np.ndarray, dt: float) -> _Solved:
         """Linearise least squares; arguments as for `stepped`."""
-        m, decay = self.coefficients, self.decay
-        mass, stiffness = m["mass"], m["stiffness"]
-        omega2, rate, band = decay.omega2, decay.decay_rate, decay.dead_band
-        # Derivatives of the coefficients of a `FreeDecay`, by their number.
-        slopes = {
-            "t_release": {0: 1.0},
-            "x0": {1: 1.0},
-            "offset": {2: 1.0},
-            "mass": {3: -omega2 / mass, 4: -rate / mass},
-            "stiffness": {3: 1 / mass, 5: -band / stiffness},
-            "damping": {4: 1 / (2 * mass)},
-            "normal_force": {5: m["mu"] / stiffness},
-            "mu": {5: m["normal_force"] / stiffness},
-        }
-        jacobian = np.zeros((self.runs.size, 6, len(self.free)))
-        for place, name in enumerate(self.free):
-            for row, slope in slopes[name].items():
-                jacobian[:, row, place] = slope
+        decay, slopes = self.decay, decay_slopes(self.coefficients)
+        jacobian = np.stack([slopes[name] for name in self.free], axis=2)
         at = evaluate(x[self.runs], dt, decay, np.ceil(decay.t0 / dt).astype(int))
         transposed = jacobian.transpose(0, 2, 1)
         normal = transposed @ at.normal @ jacobian

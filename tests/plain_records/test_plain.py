@@ -98,6 +98,29 @@ def test_estimates_are_those_of_the_general_way(rig, hold, mu_s, start):
     assert fast.units == slow.units and fast.flags == slow.flags and fast.warnings == slow.warnings
 
 
+def test_uncertain_inputs_contribute_as_in_the_general_way():
+    rig = fj.Rig(mass=fj.Measured(0.41, 1e-4), stiffness=fj.Measured(2574.0, 2.0), normal_force=fj.Measured(1.89, 5e-3))
+    machine = dataclasses.replace(rig, damping=fj.Measured(0.17, 0.01)).oscillator(fj.friction.Coulomb(0.05))
+    rig = dataclasses.replace(rig, damping=fj.Measured(0.17, 0.01))
+    trace = fj.Trace(T, noisy(0), sigma=NOISE)
+    for free in (("mu", "damping", "stiffness"), ("mu", "stiffness")):
+        fast, slow = (fj.fit(trace, machine, free, rig=rig, engine=engine) for engine in ("auto", "exact"))
+        assert (fast.passes == PASSES) is ("damping" in free)
+        for name in fast.contributions:
+            for source, part in slow.contributions[name].items():
+                error = slow.combined_std_errors.get(
+                    name, slow.kinematics[name].std if name in slow.kinematics else 0.0
+                )
+                assert fast.contributions[name][source] == pytest.approx(part, rel=1e-4, abs=1e-6 * error), (
+                    name,
+                    source,
+                )
+    batch = fj.fit_batch([trace, trace], machine, FREE, rig=rig)
+    single = fj.fit(trace, machine, FREE, rig=rig)
+    for name in FREE:
+        assert batch.combined_std_errors[name][1] == pytest.approx(single.combined_std_errors[name], rel=1e-9)
+
+
 def test_a_batch_gives_the_numbers_of_single_fits():
     runs = [coulomb_run(x0, mu=0.02, samples=6000, seed=seed) for seed, x0 in enumerate((1.5e-3, 2e-3, 2.5e-3))]
     runs.append(fj.Trace(runs[0].t, np.asarray(runs[0].x) + 1e-6 * np.sin(300 * np.asarray(runs[0].t))))
