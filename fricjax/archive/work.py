@@ -21,7 +21,7 @@ from ..data import Record, read
 from ..data.files import gigabytes, printable
 from ..errors import DataError, UsageError
 from ..fitting.batch import Row, collected, fit_rows
-from ..fitting.diagnostics import CONVERGED
+from ..fitting.diagnostics import describes
 from ..fitting.names import of_run
 from ..fitting.sketch import few, sketches
 from ..fitting.window import equilibrium
@@ -219,6 +219,6 @@ def _outcomes(rows: Sequence[Row], calibrated: Sequence[bool], with_residuals: b
         load = float(solved[i][0].residual.oscillator.normal_force)
         columns |= {"load": load} if calibrated[i] else dict.fromkeys((*meaningless, "load"))
         columns |= {f"sketch_{name}": values for name, values in sketch._asdict().items()}
-        columns |= {"status": "ok" if status == CONVERGED else "invalid", "outcome": status, "engine": batch.engine}
+        columns |= {"status": "ok" if describes(status) else "invalid", "outcome": status, "engine": batch.engine}
         outcomes.append((columns, residuals[i]))
     return outcomes

@@ -19,8 +19,7 @@ from .assemble import unit_of
 from .batch_result import BatchFit
 from .chunks import blocks
 from .derived import UNITS, contributions, kinematics
-from .diagnostics import CONVERGED, Misfit, flags_of, misfit_of, status_of, with_faults, worst
-from .missing import advice
+from .diagnostics import Misfit, flags_of, misfit_of, optimum_found, with_faults, worst
 from .noise_weighting import NoiseWeighted, weigh_by_noise
 from .parameters import Free, Request, RunSettings, check_known
 from .problem import Problem, build_problem
@@ -28,6 +27,8 @@ from .rest import miscounted, solve_with_rest, stops_within
 from .result import named
 from .solve import Solution, solve_batch
 from .tabulate import untabulated
+from .verdict.conclusion import conclude
+from .verdict.trials import alternatives
 from .warnings import warnings_of_run
 from .window import NEVER
 
@@ -37,7 +38,7 @@ class Row(NamedTuple):
 
     Attributes:
         status: the outcome in words.
-        problem, weighted, covariances, misfit: intermediate results of a fitted run.
+        problem, weighted, covariances, misfit, remarks: intermediate results of a fitted run.
     """
 
     status: str
@@ -45,17 +46,15 @@ class Row(NamedTuple):
     weighted: NoiseWeighted | None = None
     covariances: Covariance | None = None
     misfit: Misfit | None = None
+    remarks: tuple[str, ...] = ()
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings about this run, in sentences; computed at each access."""
         if self.problem is None or self.weighted is None or self.covariances is None or self.misfit is None:
             return ()
-        problem, solution, covariances = self.problem, self.weighted.solution, self.covariances
-        values = named(problem.names, solution.derived.values)
-        errors = named(problem.names, np.sqrt(np.diag(covariances.statistical)))
-        discrepancy = advice(problem, solution, covariances, self.weighted.discrepancies)
-        return (*warnings_of_run(problem, values, errors, self.misfit, self.weighted.others), *discrepancy)
+        values = named(self.problem.names, self.weighted.solution.derived.values)
+        return (*self.remarks, *warnings_of_run(self.problem, values, self.misfit, self.weighted.others))
 
 
 @one_blas_thread()
@@ -223,9 +222,10 @@ def _weighted(
 def _row(weighted: NoiseWeighted, misfit: Misfit) -> Row:
     problem, solution = weighted.problem, weighted.solution
     misfit = with_faults(problem, misfit)
-    slope, normal = solution.derived.slope, solution.evaluation.normal
-    covariances = covariance(solution.shape, slope, normal, weighted.variance, weighted.unsure)
-    return Row(status_of(problem, solution, covariances, misfit), problem, weighted, covariances, misfit)
+    matrices = solution.shape, solution.derived.slope, solution.evaluation.normal, weighted.variance
+    verdict = conclude(weighted, covariance(*matrices, weighted.unsure), misfit, alternatives(weighted))
+    covariances = covariance(*matrices, weighted.unsure + verdict.additional)
+    return Row(verdict.status, problem, weighted, covariances, misfit, verdict.remarks)
 
 
 def _engine_of(problem: Problem, runs: int) -> str:
@@ -279,7 +279,7 @@ def collected(rows: Sequence[Row], sources: tuple[str, ...]) -> BatchFit:
         white_std_errors=by_name(column(lambda _, w, __: w.white * w.solution.derived.slope, (p,))),
         covariance=covariances,
         units={p.name: unit_of(p.unit, problem) for p in problem.parameters},
-        converged=np.array([row.status == CONVERGED for row in rows]),
+        converged=np.array([optimum_found(row.status) for row in rows]),
         status=tuple(row.status for row in rows),
         flags=tuple(
             {}

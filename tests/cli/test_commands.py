@@ -131,7 +131,7 @@ def test_a_fit_that_does_not_describe_its_record_ends_with_three(fricjax, tmp_pa
     assert "Error: The fit has not converged, does not describe the record: residuals of " in called.err
     assert "status:      does not describe the record: residuals of " in called.out
     found = fj.load_fit(files["json"])
-    assert not found.converged and found.status.startswith("does not describe the record")
+    assert not found.described and found.status.startswith("does not describe the record")
     assert files["png"].read_bytes().startswith(b"\x89PNG")
     as_json = fricjax(*words, "--json", "--force")
     report = json.loads(as_json.out)

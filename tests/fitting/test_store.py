@@ -184,7 +184,7 @@ def test_a_part_of_the_uncertainty_that_is_not_finite_has_no_share(found, part):
 
 def test_the_summary_says_what_a_reader_needs(found):
     text = found.summary()
-    assert found.status.startswith("does not describe the record: residuals of ") and not found.converged
+    assert found.status.startswith("does not describe the record: residuals of ") and not found.described
     for line in (
         "Parameter",
         "natural frequency",

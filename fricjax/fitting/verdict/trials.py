@@ -1,0 +1,231 @@
+"""Trials: refits of a record with another model, on the host and without compilation."""
+
+import dataclasses
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ... import thresholds
+from ...data import Record
+from ...data.repair import repair, reported_faults
+from ...errors import DataError, UsageError
+from ...estimation.loss import Squares
+from ..noise import Noise
+from ..noise_weighting import NoiseWeighted
+from ..parameters import Request
+from ..problem import Problem, problem_on, windows_of, with_windows
+from ..rest import with_counts
+from ..solve import Solution, checking, half_cycles, on_all_samples, solution_of, start_coordinates, with_inputs
+from ..stages import EVALUATE_ONLY, Iterate, Schedule, solve_on_host
+from ..tabulate import Tables
+from .criterion import DECIDED, RIVAL, Score, gain, independent_noise, moving_rows, score
+from .terms import terms
+
+# A trial starts in phase and needs one stage. Most end within six steps. Tolerance in standard errors.
+_SCHEDULE = Schedule(tolerance=np.asarray(0.03), sure=np.asarray(True), steps=np.asarray(25))
+# Largest number of terms that are added.
+_DEPTH = 3
+
+
+class Trial(NamedTuple):
+    """A refitted model.
+
+    Attributes:
+        names: its terms, in the order in which they were added.
+        how: arguments that fit the last one.
+        request: request of the fit.
+        problem, solution: problem and its optimum.
+        gain: gain over the asked model.
+        before: root mean square of the residuals of that model in motion, in the unit of the record.
+    """
+
+    names: tuple[str, ...]
+    how: str
+    request: Request
+    problem: Problem
+    solution: Solution
+    gain: float = 0.0
+    before: float = 0.0
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Fitted values by name."""
+        return dict(zip(self.problem.names, map(float, self.solution.derived.values), strict=True))
+
+    @property
+    def size(self) -> float:
+        """Root mean square of the residuals in motion, of the worst run, in the unit of the record."""
+        parts = zip(self.problem.by_run(self.solution.evaluation.residual), self.problem.windows, strict=True)
+        return max(float(np.sqrt(np.mean(np.square(part[w.moving]))) * w.stated) for part, w in parts)
+
+    @property
+    def white(self) -> bool:
+        """True if the residuals in motion are white, at the level of neighbouring samples."""
+        return all(is_white(self.problem, self.solution, run) for run in range(len(self.problem.windows)))
+
+
+def is_white(problem: Problem, solution: Solution, run: int) -> bool:
+    """Return True if the residuals of a run in motion are white noise of the independent level.
+
+    Averages of samples decide: their variance exceeds that of independent samples if the residuals are slow.
+    """
+    rows, moving = moving_rows(problem, solution, run)
+    residual = rows.series.residual[moving]
+    level = independent_noise(problem, run) ** 2
+    return bool(np.mean(residual**2) <= level * (1 + thresholds.SURE * np.sqrt(2 / residual.size)))
+
+
+def alternatives(weighted: NoiseWeighted) -> list[Trial]:
+    """Return the trials of a fit, empty if none is needed or possible.
+
+    White residuals need none. Models with internal states, and robust losses, have none.
+    """
+    problem, solution = weighted.problem, weighted.solution
+    fast = isinstance(problem.residual.engine, Tables) and isinstance(problem.loss, Squares)
+    if problem.made or problem.request is None or not (fast and solution.converged):
+        return []
+    if all(is_white(problem, solution, run) for run in range(len(problem.windows))):
+        return []
+    if not solution.evaluation.residual.size:
+        # A batch keeps no residuals of samples.
+        again = evaluated(problem, solution.y[: problem.residual.n_parameters])
+        solution = solution if again is None else solution._replace(evaluation=again.evaluation)
+    return trials(problem, solution, weighted.noises)
+
+
+def trials(problem: Problem, solution: Solution, noises: Sequence[Noise]) -> list[Trial]:
+    """Refit a record with further terms; return the preferred model and its rivals, best first.
+
+    The first trial is the asked model if no other one is preferred. A term is added to the best model so far, as long
+    as the criterion decides for it and the residuals are not white.
+
+    Args:
+        problem: the problem; its engine must be that of tables.
+        solution: its least-squares solution.
+        noises: noise of each run.
+    """
+    assert problem.request is not None
+    asked = Trial((), "", problem.request, problem, solution)
+    asked = best = asked._replace(before=asked.size)
+    base, rivals = score(problem, solution, noises), list[Trial]()
+    for depth in range(_DEPTH):
+        found = [*_with_terms(best, noises, base), *(_with_repairs(asked, noises, base) if depth == 0 else ())]
+        found.sort(key=lambda trial: -trial.gain)
+        if not found or not found[0].gain > best.gain + DECIDED:
+            break
+        # Of rivals the one with the fewest parameters is preferred.
+        rivals = [trial for trial in found if trial.gain > found[0].gain - RIVAL]
+        best = min(rivals, key=lambda trial: len(trial.problem.parameters))
+        rivals = [trial for trial in rivals if trial is not best]
+        if best.white or best.request is problem.request:
+            # A repaired record needs a verdict of its own.
+            break
+    return [best, *rivals]
+
+
+def _with_terms(best: Trial, noises: Sequence[Noise], base: Score) -> Iterator[Trial]:
+    """Yield the model with each further term, the most promising ones first.
+
+    The first evaluation predicts the gain to first order. A model that is close to the record needs no trial of a term
+    without a predicted gain.
+    """
+    window, prepared = best.problem.windows[0], []
+    gross = best.size > thresholds.DESCRIBED * window.stated * independent_noise(best.problem, 0)
+    for term in terms(best.request, window, best.values):
+        problem = with_counts(problem_on(best.problem.windows, term.request), half_cycles(best.problem))
+        y = _coordinates(problem, {**term.neutral, **best.values})
+        start = evaluated(problem, y)
+        predicted = -np.inf if start is None else gain(base, score(problem, start, noises)) - best.gain
+        if gross or predicted > 0:
+            prepared.append((predicted, term, problem, y))
+    for _, term, problem, y in sorted(prepared, key=lambda each: -each[0]):
+        made = None
+        for begin in (start_coordinates(problem), y) if gross else (y,):
+            solution = solved(problem, begin)
+            if solution is None:
+                continue
+            trial = best._replace(how=term.how, request=term.request, problem=problem, solution=solution)
+            name = term.name(trial.values)
+            if name and name not in best.names:
+                trial = trial._replace(names=(*best.names, name), gain=gain(base, score(problem, solution, noises)))
+                made = trial if made is None or trial.gain > made.gain else made
+                if trial.gain > best.gain + DECIDED:
+                    break
+        if made is not None:
+            yield made
+            if made.gain > best.gain + DECIDED and made.white:
+                return
+
+
+def _with_repairs(asked: Trial, noises: Sequence[Noise], base: Score) -> Iterator[Trial]:
+    """Yield fits of the record after each repair of its reported faults, and without its outliers."""
+    if len(asked.problem.windows) > 1:
+        return
+    window = asked.problem.windows[0]
+    record = Record(window.trace, {"quantity": window.quantity})
+    found = [
+        (f"repair of its {word}", f"with repair='{word}'", _on_record(asked, repair(record, word)))
+        for word in reported_faults(record)
+    ]
+    found.append(("less weight for outliers", "with loss='huber'", _without_outliers(asked)))
+    for name, how, trial in found:
+        if trial is not None:
+            reached = gain(base, score(trial.problem, trial.solution, noises))
+            yield trial._replace(names=(name,), how=how, gain=reached)
+
+
+def _without_outliers(asked: Trial) -> Trial | None:
+    """Return the asked model fitted without a few outliers, None if there are none.
+
+    The largest 2 % of the residuals in motion hold 90 % of the sum of squares; for a sinusoid they hold 4 %
+    (convention).
+    """
+    problem, window = asked.problem, asked.problem.windows[0]
+    squares = np.square(problem.by_run(asked.solution.evaluation.residual)[0]) * window.moving
+    few = np.argsort(-squares)[: np.count_nonzero(window.moving) // 50]
+    if not np.sum(squares[few]) > 0.9 * np.sum(squares):
+        return None
+    kept = np.ones(squares.size, bool)
+    kept[few] = False
+    windows = (dataclasses.replace(window, used=window.used & kept, moving=window.moving & kept),)
+    problem = with_windows(problem, windows)
+    solution = solved(problem, asked.solution.y[: problem.residual.n_parameters])
+    return None if solution is None else asked._replace(problem=problem, solution=solution)
+
+
+def _on_record(asked: Trial, record: Record) -> Trial | None:
+    """Return the asked model fitted to another version of the record."""
+    try:
+        problem = problem_on(windows_of((record,), asked.request), asked.request)
+    except (DataError, UsageError):
+        return None
+    starts = _coordinates(problem, asked.values), start_coordinates(problem)
+    solutions = [solution for y in starts if (solution := solved(problem, y)) is not None]
+    solution = min(solutions, key=lambda each: each.chi2, default=None)
+    return None if solution is None else asked._replace(problem=problem, solution=solution)
+
+
+def _coordinates(problem: Problem, values: Mapping[str, float]) -> np.ndarray:
+    """Return the coordinates of values by name; others take their start values."""
+    at = np.array([values.get(parameter.name, parameter.start) for parameter in problem.parameters])
+    return np.clip(problem.residual.space.coordinates(at), problem.limits.lower, problem.limits.upper)
+
+
+def solved(problem: Problem, y: np.ndarray) -> Solution | None:
+    """Return the optimum from coordinates `y`, None if the tables reach none."""
+    at = solve_on_host(problem.condensed, problem.stage_weights, problem.limits, problem.loss, y, _SCHEDULE)
+    if not (np.isfinite(at.evaluation.cost) and np.all(np.isfinite(at.y))):
+        return None
+    return evaluated(problem, at.y, at)
+
+
+def evaluated(problem: Problem, y: np.ndarray, at: Iterate | None = None) -> Solution | None:
+    """Evaluate all samples at coordinates `y`; None if the motion is not finite."""
+    full = with_inputs(problem.residual, y)
+    member = on_all_samples(problem, checking(problem.residual, full), full, EVALUATE_ONLY)
+    end = solve_on_host(member.residual, member.stage_weights, member.limits, problem.loss, full, EVALUATE_ONLY)
+    if not np.all(np.isfinite(end.evaluation.chi2)):
+        return None
+    solution = solution_of(problem, end._replace(y=y) if at is None else at, end)
+    return solution if np.isfinite(solution.chi2) else None
