@@ -1,8 +1,6 @@
 """Status of a fit: described, not described and why, or no free decay.
 
-The status follows from the trials, from the motion that the model leaves unexplained, and from its coefficients. Slow
-residuals are unexplained motion, except drift and hum. Their share is relative to the motion, each as a root mean
-square.
+The status follows from the trials, from the motion that the model leaves unexplained, and from its coefficients.
 """
 
 from collections.abc import Iterator, Sequence
@@ -19,13 +17,11 @@ from ..names import of_run as is_of_run
 from ..noise import Noise
 from ..noise_weighting import NoiseWeighted
 from ..problem import Problem
-from ..rows import run_in_rows
 from ..solve import Solution
 from .criterion import independent_noise
 from .trials import Trial
+from .unexplained import NEAR, Unexplained, rises, unexplained
 
-# Width of a resonance, relative to its frequency, within which swinging counts as that of the oscillator. Convention.
-_NEAR = 0.2
 # Beyond so many standard errors the tail of a normal distribution is that of an exponential one.
 _TAIL = 30.0
 _LOSSES = {"mu", "damping", "drag"}
@@ -43,24 +39,6 @@ class Verdict(NamedTuple):
     status: str
     remarks: tuple[str, ...]
     additional: np.ndarray
-
-
-class Unexplained(NamedTuple):
-    """Slow residuals of the worst run.
-
-    Attributes:
-        size: root mean square in motion or at rest, whichever is larger, in the unit of the record.
-        share: the same relative to the motion.
-        run: number of the run.
-        at_rest: True if the rest has the larger residuals.
-        frequency: main frequency of the residuals [Hz].
-    """
-
-    size: float
-    share: float
-    run: int
-    at_rest: bool
-    frequency: float
 
 
 def conclude(weighted: NoiseWeighted, covariance: Covariance, misfit: Misfit, found: Sequence[Trial] = ()) -> Verdict:
@@ -86,37 +64,6 @@ def conclude(weighted: NoiseWeighted, covariance: Covariance, misfit: Misfit, fo
     status = _refusal(weighted, covariance, misfit, left, winner, found)
     shift = np.zeros(p) if winner is None else _shift(problem, solution, winner)
     return Verdict(status or _described(weighted, covariance, left, winner), remarks, np.outer(shift, shift))
-
-
-def unexplained(problem: Problem, solution: Solution, noises: Sequence[Noise]) -> Unexplained:
-    """Return the unexplained motion of the worst run."""
-    parts = [_of_run(problem, solution, run, noise) for run, noise in enumerate(noises)]
-    return max(parts, key=lambda part: part.share)
-
-
-def _of_run(problem: Problem, solution: Solution, run: int, noise: Noise) -> Unexplained:
-    window, rows = problem.windows[run], run_in_rows(problem, solution.evaluation, run)
-    series, frequency = rows.series, float(solution.derived.kinematics[0])
-    multiples = {line: line.frequency / frequency for line in noise.lines}
-    # A line at the natural frequency or one of its first multiples may be motion.
-    hum = tuple(line for line, m in multiples.items() if m > 3 + _NEAR or (m > 1 and abs(m - round(m)) > _NEAR))
-    residual = series.residual + noise._replace(lines=hum).at(series.t) * series.unit
-    white = independent_noise(problem, run) ** 2
-    x = np.asarray(window.trace.x)[window.moving]
-    swing = max(float(np.std(x)), np.finfo(float).tiny)
-    sizes = []
-    for part in (series.t <= window.stopped, series.t > window.stopped + window.segmentation.half_period / 2):
-        square = np.mean(residual[part] ** 2) - white if np.count_nonzero(part) > 1 else 0.0
-        sizes.append(float(np.sqrt(max(square, 0.0) / rows.samples)) * window.stated)
-    size = max(sizes)
-    return Unexplained(size, size / swing, run, sizes[1] > sizes[0], _frequency(series.t, residual))
-
-
-def _frequency(t: np.ndarray, residual: np.ndarray) -> float:
-    """Return the main frequency of residuals [Hz]."""
-    spectrum = np.abs(np.fft.rfft((residual - residual.mean()) * np.hanning(residual.size)))
-    spectrum[:2] = 0.0
-    return float(np.argmax(spectrum) / max(np.ptp(t), np.finfo(float).tiny))
 
 
 def _helps(trial: Trial, noises: Sequence[Noise]) -> bool:
@@ -181,23 +128,13 @@ def _no_free_decay(problem: Problem, solution: Solution, left: Unexplained) -> s
     unit, natural = problem.windows[left.run].quantity, float(solution.derived.kinematics[0])
     size = f"{engineering(left.size, unit)} ({100 * left.share:.2g} % of the motion)"
     where = of_run(left.run, problem)
+    if rises(problem.windows[left.run]):
+        return f"no free decay: beating or driven, the amplitude{where} rises again, and {size} are unexplained."
     if left.at_rest:
         return f"no free decay: driven, the mass{where} moves by {size} where it should rest."
-    if rises(problem, left.run):
-        return f"no free decay: beating, the amplitude{where} rises again, and {size} are unexplained."
-    if abs(left.frequency - natural) > _NEAR * natural:
+    if abs(left.frequency - natural) > NEAR * natural:
         return f"no free decay: second mode{where} at {engineering(left.frequency, 'Hz')}, {size} are unexplained."
     return f"does not describe: no cause found; {size}{where} are unexplained."
-
-
-def rises(problem: Problem, run: int) -> bool:
-    """Return True if the amplitude of a run rises by more than the unexplained share allowed."""
-    segmentation = problem.windows[run].segmentation
-    paths = np.abs(np.diff(segmentation.turning_points))
-    if paths.size < 2:
-        return False
-    rise = float(np.max(paths - np.minimum.accumulate(paths)))
-    return rise > max(thresholds.EXTREME * segmentation.white_noise, thresholds.UNDESCRIBED * float(paths.max()))
 
 
 def _is_material(

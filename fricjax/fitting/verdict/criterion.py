@@ -52,26 +52,25 @@ def gain(one: Score, other: Score) -> float:
     return float(one.rows @ (one.logarithms - other.logarithms)) + one.penalty - other.penalty
 
 
-def score(problem: Problem, solution: Solution, noises: Sequence[Noise], since: float = -np.inf) -> Score:
+def score(problem: Problem, solution: Solution, noises: Sequence[Noise], names: Sequence[str] | None = None) -> Score:
     """Return the criterion of a fit.
 
     Args:
         problem: the problem.
         solution: its least-squares solution.
         noises: noise of each run; its hum is fitted together with the parameters.
-        since: time of the run from which on rows count [s].
+        names: parameters that may move; None for all.
     """
-    parts = [_run(problem, solution, run, noise, since) for run, noise in enumerate(noises)]
+    free = ~solution.shape.at_bound & np.array([names is None or name in names for name in problem.names])
+    parts = [_run(problem, solution, run, noise, free) for run, noise in enumerate(noises)]
     rows, logarithms, orders = (np.array(each, float) for each in zip(*parts, strict=True))
-    free = int(np.count_nonzero(~solution.shape.at_bound))
-    return Score(rows, logarithms, float(orders @ np.log(rows) + free * np.log(rows.sum())))
+    return Score(rows, logarithms, float(orders @ np.log(rows) + np.count_nonzero(free) * np.log(rows.sum())))
 
 
-def moving_rows(problem: Problem, solution: Solution, run: int, since: float = -np.inf) -> tuple[Rows, np.ndarray]:
+def moving_rows(problem: Problem, solution: Solution, run: int) -> tuple[Rows, np.ndarray]:
     """Return the rows of a run, and which of them are in motion."""
     rows = run_in_rows(problem, solution.evaluation, run)
-    t = rows.series.t
-    return rows, (t <= problem.windows[run].stopped) & (t >= since)
+    return rows, rows.series.t <= problem.windows[run].stopped
 
 
 def independent_noise(problem: Problem, run: int) -> float:
@@ -80,10 +79,10 @@ def independent_noise(problem: Problem, run: int) -> float:
     return window.segmentation.white_noise / window.stated
 
 
-def _run(problem: Problem, solution: Solution, run: int, noise: Noise, since: float) -> tuple[int, float, int]:
+def _run(problem: Problem, solution: Solution, run: int, noise: Noise, free: np.ndarray) -> tuple[int, float, int]:
     """Return number of rows, logarithm of s^2 and order of the process of one run."""
-    rows, moving = moving_rows(problem, solution, run, since)
-    series, free = rows.series, ~solution.shape.at_bound
+    rows, moving = moving_rows(problem, solution, run)
+    series = rows.series
     t, residual = series.t[moving], series.residual[moving]
     starts = np.flatnonzero(np.diff(np.flatnonzero(moving), prepend=-2) > 1)
     beside = [np.ones(t.size), t, *(wave(2 * np.pi * line.frequency * t) for line in noise.lines for wave in _WAVES)]
@@ -91,9 +90,19 @@ def _run(problem: Problem, solution: Solution, run: int, noise: Noise, since: fl
     columns = np.column_stack([slopes, *(each * series.unit[moving] for each in beside)])
     columns = columns / np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny)
     limit = _OUTLIER * max(np.median(np.abs(residual)) / NORMAL_MAD, np.std(residual) / 5)
-    residual = left = np.clip(residual, -limit, limit)
-    least, result = np.inf, (residual.size, np.inf, 0)
+    residual = np.clip(residual, -limit, limit)
     floor = max(_FLOOR * independent_noise(problem, run) ** 2, np.finfo(float).tiny)
+    # Least squares may leave a misfit that passes for slow noise, so the process starts without it as well.
+    white = columns @ np.linalg.lstsq(columns, residual, rcond=1e-9)[0]
+    least = min(_iterated(columns, residual, left, starts, floor) for left in (residual, residual - white))
+    return residual.size, least[1], least[2]
+
+
+def _iterated(
+    columns: np.ndarray, residual: np.ndarray, left: np.ndarray, starts: np.ndarray, floor: float
+) -> tuple[float, float, int]:
+    """Return the criterion, logarithm of s^2 and order, from the process of the residuals `left`."""
+    result = np.inf, np.inf, 0
     for _ in range(_ITERATIONS):
         coefficients, _ = autoregression(left - left.mean(), starts)
         white = innovations(np.column_stack([columns, residual]), starts, coefficients)
@@ -101,8 +110,7 @@ def _run(problem: Problem, solution: Solution, run: int, noise: Noise, since: fl
         variance = float(np.mean((white[:, -1] - white[:, :-1] @ step) ** 2))
         logarithm = float(np.log(max(variance, floor)))
         criterion = residual.size * logarithm + coefficients.size * np.log(residual.size)
-        if not criterion < least - 1e-3:
+        if not criterion < result[0] - 1e-3:
             break
-        least, result = criterion, (residual.size, logarithm, coefficients.size)
-        left = residual - columns @ step
+        result, left = (criterion, logarithm, coefficients.size), residual - columns @ step
     return result

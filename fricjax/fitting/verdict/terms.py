@@ -1,16 +1,16 @@
 """Terms that a model may miss, each with the request that fits it."""
 
 import dataclasses
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import equinox as eqx
 import numpy as np
 
-from ...friction import Coulomb, Stribeck
+from ...friction import Stribeck
 from ...oscillator import Oscillator
 from ...oscillator.oscillator import leaves_of
-from ...oscillator.restoring import Cubic, Linear, Pendulum
+from ...oscillator.restoring import AbstractRestoring, Cubic, Linear, Pendulum
 from ..names import sole_coulomb
 from ..parameters import Request
 from ..window import Window
@@ -21,19 +21,21 @@ _STATIC, _WEAK, _FALL = 1.2, 1.02, 0.1
 
 
 class Term(NamedTuple):
-    """A term and the request that fits it.
+    """A term that a model may miss.
 
     Attributes:
         name: its name for fitted values, empty if no machine has such values.
-        how: arguments that fit it.
-        request: request of the fit.
-        neutral: values of its coefficients with which the model is nearly the one without it.
+        how: arguments that fit it, for the free coefficients.
+        change: function from a request to the one that fits it.
+        neutral: its coefficients, with values for which the model is the one without it.
+        start: values from which the fit starts, if others.
     """
 
     name: Callable[[Mapping[str, float]], str]
-    how: str
-    request: Request
+    how: Callable[[Sequence[str]], str]
+    change: Callable[[Request], Request]
     neutral: Mapping[str, float] = {}
+    start: Mapping[str, float] = {}
 
 
 def terms(request: Request, window: Window, values: Mapping[str, float]) -> Iterator[Term]:
@@ -44,79 +46,67 @@ def terms(request: Request, window: Window, values: Mapping[str, float]) -> Iter
         window: the fitted part of its first record.
         values: fitted values by name.
     """
-    machine, free = request.oscillator, request.free
+    machine = request.oscillator
     present = {leaf.dotted.rsplit(".", 1)[-1] for leaf in leaves_of(machine)}
-    fitted = {name.rsplit(".", 1)[-1] for name in free}
+    fitted = {name.rsplit(".", 1)[-1] for name in request.free}
+    freed = lambda free: f"with free={list(free)}"
     if "drag" not in fitted and "quadratic_drag" not in present:
-        more = changed(request, machine, (*free, "drag"))
-        yield Term(
-            lambda at: "quadratic drag" if at["drag"] > 0 else "", f"with free={list(more.free)}", more, {"drag": 0.0}
-        )
+        name = lambda at: "quadratic drag" if at["drag"] > 0 else ""
+        yield Term(name, freed, lambda of: changed(of, of.oscillator, "drag"), {"drag": float(machine.drag)})
     if not {"damping", "sigma2", "eta_h"} & fitted:
-        more = changed(request, machine, (*free, "damping"))
-        yield Term(
-            lambda at: "viscous damping" if at["damping"] > 0 else "",
-            f"with free={list(more.free)}",
-            more,
-            {"damping": float(machine.damping)},
-        )
-    for name in free:
+        name = lambda at: "viscous damping" if at["damping"] > 0 else ""
+        yield Term(name, freed, lambda of: changed(of, of.oscillator, "damping"), {"damping": float(machine.damping)})
+    for name in request.free:
         if name in request.bounds and values.get(name) in request.bounds[name]:
-            yield _unbounded(request, name)
+            yield _unbounded(name)
     if isinstance(machine.restoring, Linear):
-        yield from _springs(request, window)
+        yield from _springs(window)
     alone = sole_coulomb(machine.friction) is machine.friction
-    if alone and "mu" in free and values.get("mu", 0.0) > 0:
-        yield _falling(request, window, values["mu"])
+    if alone and "mu" in request.free and values.get("mu", 0.0) > 0:
+        yield _falling(window, values["mu"])
 
 
-def _unbounded(request: Request, name: str) -> Term:
+def _unbounded(name: str) -> Term:
     """Return the request without a bound that the user set."""
-    bounds = {key: each for key, each in request.bounds.items() if key != name}
+
+    def change(of: Request) -> Request:
+        return dataclasses.replace(of, bounds={key: each for key, each in of.bounds.items() if key != name})
+
     words = lambda at: f"{name} beyond its bound" if min(at.get("mu", 0.0), at.get("damping", 0.0)) >= 0 else ""
-    return Term(words, f"with another bound of {name}", dataclasses.replace(request, bounds=bounds))
+    return Term(words, lambda _: f"with another bound of {name}", change)
 
 
-def _springs(request: Request, window: Window) -> Iterator[Term]:
-    machine, free = request.oscillator, request.free
+def _springs(window: Window) -> Iterator[Term]:
+    """Yield other springs than the linear one."""
+
+    def pulled(restoring: AbstractRestoring, *more: str) -> Callable[[Request], Request]:
+        return lambda of: changed(of, eqx.tree_at(lambda o: o.restoring, of.oscillator, restoring), *more)
+
     if window.quantity == "rad":
-        pendulum = changed(request, eqx.tree_at(lambda o: o.restoring, machine, Pendulum()), free)
-        yield Term(lambda at: "the restoring force of a pendulum", "with restoring=Pendulum()", pendulum)
-    cubic = changed(request, eqx.tree_at(lambda o: o.restoring, machine, Cubic(0.0)), (*free, "k3"))
-
-    def name(at: Mapping[str, float]) -> str:
-        return f"a spring that {'softens' if at['k3'] < 0 else 'stiffens'} with deflection"
-
-    yield Term(name, f"with restoring=Cubic(0.0) and free={list(cubic.free)}", cubic, {"k3": 0.0})
+        name = lambda _: "the restoring force of a pendulum"
+        yield Term(name, lambda _: "with restoring=Pendulum()", pulled(Pendulum()))
+    name = lambda at: f"a spring that {'softens' if at['k3'] < 0 else 'stiffens'} with deflection"
+    how = lambda free: f"with restoring=Cubic(0.0) and free={list(free)}"
+    yield Term(name, how, pulled(Cubic(0.0), "k3"), {"k3": 0.0})
 
 
-def _falling(request: Request, window: Window, mu: float) -> Term:
+def _falling(window: Window, mu: float) -> Term:
     """Return friction that falls with velocity instead of Coulomb friction."""
     segmentation = window.segmentation
     speed = segmentation.amplitude * np.pi / segmentation.half_period
     law = Stribeck(mu, mu_s=_STATIC * mu, v_stribeck=_FALL * speed)
-    free = (*(name for name in request.free if name != "mu_s"), "mu_s", "v_stribeck")
-    machine = eqx.tree_at(lambda o: o.friction, request.oscillator, law)
-    how = f"with friction=Stribeck(...) and free={list(free)}"
+
+    def change(of: Request) -> Request:
+        machine = eqx.tree_at(lambda o: o.friction, of.oscillator, law)
+        of = dataclasses.replace(of, free=tuple(name for name in of.free if name != "mu_s"))
+        return changed(of, machine, "mu_s", "v_stribeck")
+
     name = lambda at: "friction that falls with velocity" if at["mu_s"] > at["mu"] > 0 else ""
-    neutral = {"mu_s": _WEAK * mu, "v_stribeck": _FALL * speed}
-    return Term(name, how, changed(request, machine, free), neutral)
+    how = lambda free: f"with friction=Stribeck(...) and free={list(free)}"
+    speed = {"v_stribeck": _FALL * speed}
+    return Term(name, how, change, {"mu_s": mu, **speed}, {"mu_s": _WEAK * mu, **speed})
 
 
-def without_friction(request: Request) -> Request | None:
-    """Return the request without dry friction, None if it has none to leave out."""
-    free = tuple(name for name in request.free if name not in ("mu", "mu_s"))
-    alone = sole_coulomb(request.oscillator.friction) is request.oscillator.friction
-    if not alone or "mu" not in request.free or not free:
-        return None
-    return changed(request, eqx.tree_at(lambda o: o.friction, request.oscillator, Coulomb(0.0)), free)
-
-
-def changed(request: Request, machine: Oscillator, free: tuple[str, ...]) -> Request:
-    """Return the request with another machine and other free coefficients."""
-    lost = set(request.free) - set(free)
-    tables = {
-        name: {key: value for key, value in getattr(request, name).items() if key not in lost}
-        for name in ("bounds", "priors", "guess")
-    }
-    return dataclasses.replace(request, oscillator=machine, free=free, **tables)
+def changed(request: Request, machine: Oscillator, *more: str) -> Request:
+    """Return the request with another machine and more free coefficients."""
+    return dataclasses.replace(request, oscillator=machine, free=(*request.free, *more))

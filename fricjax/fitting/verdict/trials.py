@@ -20,7 +20,8 @@ from ..solve import Solution, checking, half_cycles, on_all_samples, solution_of
 from ..stages import EVALUATE_ONLY, Iterate, Schedule, solve_on_host
 from ..tabulate import Tables
 from .criterion import DECIDED, RIVAL, Score, gain, independent_noise, moving_rows, score
-from .terms import terms
+from .terms import Term, terms
+from .unexplained import rises, unexplained
 
 # A trial starts in phase and needs one stage. Most end within six steps. Tolerance in standard errors.
 _SCHEDULE = Schedule(tolerance=np.asarray(0.03), sure=np.asarray(True), steps=np.asarray(25))
@@ -109,9 +110,12 @@ def trials(problem: Problem, solution: Solution, noises: Sequence[Noise]) -> lis
     asked = Trial((), "", problem.request, problem, solution)
     asked = best = asked._replace(before=asked.size)
     base, rivals = score(problem, solution, noises), list[Trial]()
+    # No term makes an amplitude rise again.
+    irregular = any(rises(window) for window in problem.windows)
     for depth in range(_DEPTH):
-        found = [*_with_terms(best, noises, base), *(_with_repairs(asked, noises, base) if depth == 0 else ())]
-        found.sort(key=lambda trial: -trial.gain)
+        found = [] if irregular else list(_with_terms(best, noises, base))
+        found += _with_repairs(asked, noises, base) if depth == 0 else ()
+        found = sorted((trial for trial in found if trial.size < best.size), key=lambda trial: -trial.gain)
         if not found or not found[0].gain > best.gain + DECIDED:
             break
         # Of rivals the one with the fewest parameters is preferred.
@@ -125,44 +129,94 @@ def trials(problem: Problem, solution: Solution, noises: Sequence[Noise]) -> lis
 
 
 def _with_terms(best: Trial, noises: Sequence[Noise], base: Score) -> Iterator[Trial]:
-    """Yield the model with each further term, the most promising ones first.
-
-    The first evaluation predicts the gain to first order. A model that is close to the record needs no trial of a term
-    without a predicted gain.
-    """
-    window, prepared = best.problem.windows[0], []
-    gross = best.size > thresholds.DESCRIBED * window.stated * independent_noise(best.problem, 0)
-    for term in terms(best.request, window, best.values):
-        problem = with_counts(problem_on(best.problem.windows, term.request), half_cycles(best.problem))
-        y = _coordinates(problem, {**term.neutral, **best.values})
-        start = evaluated(problem, y)
-        predicted = -np.inf if start is None else gain(base, score(problem, start, noises)) - best.gain
-        if gross or predicted > 0:
-            prepared.append((predicted, term, problem, y))
-    for _, term, problem, y in sorted(prepared, key=lambda each: -each[0]):
-        made = None
-        for begin in (start_coordinates(problem), y) if gross else (y,):
-            solution = solved(problem, begin)
-            if solution is None:
-                continue
-            trial = best._replace(how=term.how, request=term.request, problem=problem, solution=solution)
-            name = term.name(trial.values)
-            if name and name not in best.names:
-                trial = trial._replace(names=(*best.names, name), gain=gain(base, score(problem, solution, noises)))
-                made = trial if made is None or trial.gain > made.gain else made
-                if trial.gain > best.gain + DECIDED:
-                    break
-        if made is not None:
-            yield made
-            if made.gain > best.gain + DECIDED and made.white:
+    """Yield the model with each further term, the most promising ones first."""
+    possible = list(terms(best.request, best.problem.windows[0], best.values))
+    gross = unexplained(best.problem, best.solution, noises).share > thresholds.UNEXPLAINED
+    promising = _by_start_values(best, possible, noises) if gross else _by_response(best, possible, noises)
+    for _, term, problem, begins in sorted(promising, key=lambda each: each[0]):
+        made = [_trial(best, term, problem, y, noises, base) for y in begins[:1]]
+        if not made[0] or not made[0].gain > best.gain + DECIDED:
+            made += [_trial(best, term, problem, y, noises, base) for y in begins[1:]]
+        trial = max(filter(None, made), key=lambda trial: trial.gain, default=None)
+        if trial is not None:
+            yield trial
+            if trial.gain > best.gain + DECIDED and trial.white:
                 return
+
+
+def _trial(
+    best: Trial, term: Term, problem: Problem, y: np.ndarray, noises: Sequence[Noise], base: Score
+) -> Trial | None:
+    """Return the trial of a term from coordinates `y`, None if no machine has its values."""
+    solution = solved(problem, y)
+    if solution is None or problem.request is None:
+        return None
+    trial = best._replace(how=term.how(problem.request.free), request=problem.request, problem=problem)
+    trial = trial._replace(solution=solution, gain=gain(base, score(problem, solution, noises)))
+    name = term.name(trial.values)
+    return trial._replace(names=(*best.names, name)) if name and name not in best.names else None
+
+
+type _Start = tuple[float, Term, Problem, Sequence[np.ndarray]]
+
+
+def _by_response(best: Trial, possible: Sequence[Term], noises: Sequence[Noise]) -> Iterator[_Start]:
+    """Yield the terms that may describe the record, each with a rank, its problem and start coordinates.
+
+    The derivatives of the motion predict the gain of each term to first order. If the residuals are small, a term
+    without a predicted gain needs no trial. One model with all further forces is evaluated for all of them.
+    """
+    base = score(best.problem, best.solution, noises)
+    forces = [term for term in possible if term.neutral and not term.start]
+    together, values = best.request, best.values
+    for term in forces:
+        together, values = term.change(together), {**term.neutral, **values}
+    joint = _evaluated(best, together, values) if forces else None
+    for term in possible:
+        alone = None if term in forces else _evaluated(best, term.change(best.request), {**term.neutral, **best.values})
+        at = joint if term in forces else alone
+        names = [*best.problem.names, *term.neutral]
+        predicted = RIVAL if at is None or not term.neutral else gain(base, score(*at, noises, names))
+        if predicted >= RIVAL:
+            problem = _problem(best, term.change(best.request)) if alone is None else alone[0]
+            near = _coordinates(problem, {**term.neutral, **term.start, **best.values})
+            yield -predicted, term, problem, [near, start_coordinates(problem)] if term.start else [near]
+
+
+def _evaluated(best: Trial, request: Request, values: Mapping[str, float]) -> tuple[Problem, Solution] | None:
+    """Return the problem of a request and its evaluation at values by name."""
+    problem = _problem(best, request)
+    at = evaluated(problem, _coordinates(problem, values))
+    return None if at is None else (problem, at)
+
+
+def _by_start_values(best: Trial, possible: Sequence[Term], noises: Sequence[Noise]) -> Iterator[_Start]:
+    """Yield the terms with start values of the record, for a model that is far from it.
+
+    The better of these and the fitted values of the model comes first; its criterion is the rank.
+    """
+    base = score(best.problem, best.solution, noises)
+    for term in possible:
+        problem = _problem(best, term.change(best.request))
+        starts = start_coordinates(problem), _coordinates(problem, {**term.neutral, **term.start, **best.values})
+        ranks = []
+        for y in starts:
+            at = evaluated(problem, y)
+            ranks.append(np.inf if at is None else -gain(base, score(problem, at, noises)))
+        order = np.argsort(ranks)
+        yield ranks[order[0]], term, problem, [starts[place] for place in order]
+
+
+def _problem(best: Trial, request: Request) -> Problem:
+    """Return the problem of a request, with the samples and half-cycles of another model."""
+    return with_counts(problem_on(best.problem.windows, request), half_cycles(best.problem))
 
 
 def _with_repairs(asked: Trial, noises: Sequence[Noise], base: Score) -> Iterator[Trial]:
     """Yield fits of the record after each repair of its reported faults, and without its outliers."""
-    if len(asked.problem.windows) > 1:
+    window, *others = asked.problem.windows
+    if others:
         return
-    window = asked.problem.windows[0]
     record = Record(window.trace, {"quantity": window.quantity})
     found = [
         (f"repair of its {word}", f"with repair='{word}'", _on_record(asked, repair(record, word)))
