@@ -24,7 +24,7 @@ Convention: with ten thousand samples of white noise, chi^2 per sample exceeds 1
 UNEXPLAINED = 0.01
 """A larger share is named in the status and in a warning. Convention."""
 UNDESCRIBED = 0.05
-"""A fit that leaves a larger share unexplained does not describe its record. Tuned: experiments/verdict/run.py."""
+"""A fit that leaves a larger share unexplained does not describe its record. Tuned: experiments/trials/run.py."""
 
 # Is an effect there, or is it chance? Standard errors.
 SUSPECTED = 3.0

@@ -205,7 +205,7 @@ def _outcomes(rows: Sequence[Row], calibrated: Sequence[bool], with_residuals: b
     """Return outcomes of fitted runs, without coefficients of uncalibrated machines."""
     batch = collected(rows, ("",) * len(rows))
     solved: Any = [(row.problem, row.weighted.solution) for row in rows if row.weighted is not None]
-    frame = batch.to_dataframe().drop(columns=["source", "converged", "status"])
+    frame = batch.to_dataframe().drop(columns=["source", "converged", "described", "status"])
     for name in ("half_cycles", "iterations", "passes", "sigma"):
         frame[name] = getattr(batch, name).tolist()
     # Parameters that also depend on mass and load, not on the record alone.

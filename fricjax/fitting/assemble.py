@@ -25,8 +25,8 @@ from .rest import CONTRADICTED, Bracket, bracket_static, excess_at_reversals, re
 from .result import Fit, named
 from .solve import Solution
 from .tabulate import untabulated
-from .verdict.conclusion import conclude
-from .verdict.trials import alternatives
+from .trials.outcome import conclude
+from .trials.refits import alternatives
 from .warnings import warnings_of_model, warnings_of_run
 from .window import NEVER, OF_RESIDUALS
 
@@ -42,9 +42,9 @@ def assemble(weighted: NoiseWeighted, sigma_mode: str, trials: bool = True) -> F
     problem, solution, slope = weighted.problem, weighted.solution, weighted.solution.derived.slope
     misfit = with_faults(problem, misfit_of(problem, solution, weighted.noises, sigma_mode != "absolute"))
     matrices = solution.shape, slope, solution.evaluation.normal, weighted.variance
-    found = alternatives(weighted) if trials else []
-    verdict = conclude(weighted, covariance(*matrices, weighted.unsure), misfit, found)
-    covariances = covariance(*matrices, weighted.unsure + verdict.additional)
+    alternative = alternatives(weighted) if trials else []
+    outcome = conclude(weighted, covariance(*matrices, weighted.unsure), misfit, alternative)
+    covariances = covariance(*matrices, weighted.unsure + outcome.additional)
     runs = range(len(problem.windows))
     margins = tuple(rest_margin(problem, solution, run) for run in runs)
     excesses = tuple(excess_at_reversals(problem, solution, run) for run in runs)
@@ -57,7 +57,7 @@ def assemble(weighted: NoiseWeighted, sigma_mode: str, trials: bool = True) -> F
     factor = np.sqrt(weighted.scatter) if sigma_mode == "estimate" else 1.0
     parts = contributions(problem.names, solution.derived, covariances)
     warnings = (
-        *verdict.remarks,
+        *outcome.warnings,
         *warnings_of_run(problem, values, misfit, weighted.others),
         *warnings_of_model(problem, values, margins, excesses, bracket, solution.numerical_shift),
     )
@@ -72,8 +72,8 @@ def assemble(weighted: NoiseWeighted, sigma_mode: str, trials: bool = True) -> F
         combined_covariance=covariances.combined,
         units={**{p.name: unit_of(p.unit, problem) for p in problem.parameters}, **dict.fromkeys(static, "")},
         flags={**flags_of(problem, covariances, solution), **_static_flags(name, static, bracket)},
-        converged=optimum_found(verdict.status),
-        status=verdict.status,
+        converged=optimum_found(outcome.status),
+        status=outcome.status,
         warnings=warnings,
         kinematics=_kinematics(solution, covariances, parts),
         inputs=problem.inputs,

@@ -27,8 +27,8 @@ from .rest import miscounted, solve_with_rest, stops_within
 from .result import named
 from .solve import Solution, solve_batch
 from .tabulate import untabulated
-from .verdict.conclusion import conclude
-from .verdict.trials import alternatives
+from .trials.outcome import conclude
+from .trials.refits import alternatives
 from .warnings import warnings_of_run
 from .window import NEVER
 
@@ -38,7 +38,7 @@ class Row(NamedTuple):
 
     Attributes:
         status: the outcome in words.
-        problem, weighted, covariances, misfit, remarks: intermediate results of a fitted run.
+        problem, weighted, covariances, misfit, of_trials: intermediate results of a fitted run.
     """
 
     status: str
@@ -46,7 +46,7 @@ class Row(NamedTuple):
     weighted: NoiseWeighted | None = None
     covariances: Covariance | None = None
     misfit: Misfit | None = None
-    remarks: tuple[str, ...] = ()
+    of_trials: tuple[str, ...] = ()
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -54,7 +54,7 @@ class Row(NamedTuple):
         if self.problem is None or self.weighted is None or self.covariances is None or self.misfit is None:
             return ()
         values = named(self.problem.names, self.weighted.solution.derived.values)
-        return (*self.remarks, *warnings_of_run(self.problem, values, self.misfit, self.weighted.others))
+        return (*self.of_trials, *warnings_of_run(self.problem, values, self.misfit, self.weighted.others))
 
 
 @one_blas_thread()
@@ -223,9 +223,9 @@ def _row(weighted: NoiseWeighted, misfit: Misfit) -> Row:
     problem, solution = weighted.problem, weighted.solution
     misfit = with_faults(problem, misfit)
     matrices = solution.shape, solution.derived.slope, solution.evaluation.normal, weighted.variance
-    verdict = conclude(weighted, covariance(*matrices, weighted.unsure), misfit, alternatives(weighted))
-    covariances = covariance(*matrices, weighted.unsure + verdict.additional)
-    return Row(verdict.status, problem, weighted, covariances, misfit, verdict.remarks)
+    outcome = conclude(weighted, covariance(*matrices, weighted.unsure), misfit, alternatives(weighted))
+    covariances = covariance(*matrices, weighted.unsure + outcome.additional)
+    return Row(outcome.status, problem, weighted, covariances, misfit, outcome.warnings)
 
 
 def _engine_of(problem: Problem, runs: int) -> str:

@@ -86,7 +86,7 @@ class BatchFit(Reported):
 
     @property
     def described(self) -> np.ndarray:
-        """True for runs that the model describes, as in a `Fit`, shape (runs,)."""
+        """True for runs that the model describes, shape (runs,)."""
         return np.array([describes(status) for status in self.status])
 
     @property
@@ -194,4 +194,5 @@ _JUDGEMENT = (
     "half_cycles",
     "passes",
     "converged",
+    "described",
 )

@@ -131,7 +131,7 @@ def _name(status: str) -> str:
 
 
 def failure_of(problem: Problem, solution: Solution, covariance: Covariance) -> str:
-    """Return the status of a fit without an optimum of full rank, else an empty text."""
+    """Return the status of a fit without a valid optimum, else ""."""
     if solution.status == NOT_FINITE or not np.all(np.isfinite(solution.derived.values)):
         return "not finite: the model fails at the start values. Check the law's coefficients and the engine."
     if solution.status == OUT_OF_STEPS:

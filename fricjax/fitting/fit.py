@@ -126,7 +126,9 @@ def fit(
 
 
 def concluded(problem: Problem, solution: Solution, sigma_mode: str, throw: bool, trials: bool = True) -> Fit:
-    """Return the fit of a solved problem, after trials of other models unless `trials` is False.
+    """Return the fit of a solved problem, after trials of other models.
+
+    Without `trials` no other model is tried.
 
     Raises:
         UsageError: free parameters on which the motion does not depend.

@@ -149,9 +149,9 @@ class Fit(Reported):
 
     @property
     def described(self) -> bool:
-        """True if the model describes the record, and no other model is preferred.
+        """True if the model describes the record.
 
-        At most 5 % of the motion may be unexplained (`fricjax.thresholds.UNDESCRIBED`).
+        No other model is preferred, and at most 5 % of the motion is unexplained (`fricjax.thresholds.UNDESCRIBED`).
         """
         return describes(self.status)
 

@@ -1,4 +1,4 @@
-"""Terms that a model may miss, each with the request that fits it."""
+"""Terms that a model may miss."""
 
 import dataclasses
 from collections.abc import Callable, Iterator, Mapping, Sequence

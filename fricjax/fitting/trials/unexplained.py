@@ -13,7 +13,7 @@ from ..solve import Solution
 from ..window import Window
 
 NEAR = 0.2
-"""Distance of a frequency from that of the oscillator, relative to it, within which it may be its own. Convention."""
+"""Distance of a frequency from that of the oscillator, relative to it, within which it may belong to it. Convention."""
 
 
 class Unexplained(NamedTuple):
@@ -56,7 +56,7 @@ def _of_run(problem: Problem, solution: Solution, run: int, noise: Noise) -> Une
 
 
 def _slow(residual: np.ndarray) -> float:
-    """Return the variance of the slow part of residuals, as far as it is significant.
+    """Return the significant variance of the slow part of residuals.
 
     It is the covariance of adjacent rows, to which white noise adds nothing, less its standard errors for white noise.
     """
@@ -74,7 +74,7 @@ def _frequency(t: np.ndarray, residual: np.ndarray) -> float:
 
 
 def rises(window: Window) -> bool:
-    """Return True if the amplitude rises again, by more than may stay unexplained."""
+    """Return True if the amplitude rises again by a significant share."""
     segmentation = window.segmentation
     paths = np.abs(np.diff(segmentation.turning_points))
     if paths.size < 2:

@@ -6,7 +6,7 @@ The gain of model B over model A is the change of ``-2 ln(likelihood)`` with Sch
 
 n is the number of rows in motion, k the number of parameters, and s^2 the variance of the innovations of the residuals
 under an autoregressive process that is fitted to them (Brockwell and Davis, Time Series, 1991, 9.3). Each fit has its
-own process. So slow residuals count as noise as far as a process predicts them, and only the rest is held against a
+process. So slow residuals count as noise as far as a process predicts them, and only the rest counts against a
 model. The noise between neighbouring samples bounds s^2 from below, because it does not depend on the model.
 """
 
@@ -23,9 +23,9 @@ from ..rows import Rows, run_in_rows
 from ..solve import Solution
 
 DECIDED = 20.0
-"""Gain above which a model is preferred. Tuned: experiments/verdict/run.py."""
+"""Gain above which a model is preferred. Tuned: experiments/trials/run.py."""
 RIVAL = 8.0
-"""Difference of gains below which two models are rivals. Tuned: experiments/verdict/run.py."""
+"""Difference of gains below which two models are rivals. Tuned: experiments/trials/run.py."""
 _WAVES = (np.cos, np.sin)
 # Lower bound of s^2 over the variance between neighbouring samples. At one, scatter of s^2 would hide a gain.
 _FLOOR = 0.5
@@ -68,7 +68,7 @@ def score(problem: Problem, solution: Solution, noises: Sequence[Noise], names: 
 
 
 def moving_rows(problem: Problem, solution: Solution, run: int) -> tuple[Rows, np.ndarray]:
-    """Return the rows of a run, and which of them are in motion."""
+    """Return the rows of a run, and True for those in motion."""
     rows = run_in_rows(problem, solution.evaluation, run)
     return rows, rows.series.t <= problem.windows[run].stopped
 
@@ -80,7 +80,7 @@ def independent_noise(problem: Problem, run: int) -> float:
 
 
 def _run(problem: Problem, solution: Solution, run: int, noise: Noise, free: np.ndarray) -> tuple[int, float, int]:
-    """Return number of rows, logarithm of s^2 and order of the process of one run."""
+    """Return rows, logarithm of s^2 and order for one run."""
     rows, moving = moving_rows(problem, solution, run)
     series = rows.series
     t, residual = series.t[moving], series.residual[moving]
@@ -101,7 +101,10 @@ def _run(problem: Problem, solution: Solution, run: int, noise: Noise, free: np.
 def _iterated(
     columns: np.ndarray, residual: np.ndarray, left: np.ndarray, starts: np.ndarray, floor: float
 ) -> tuple[float, float, int]:
-    """Return the criterion, logarithm of s^2 and order, from the process of the residuals `left`."""
+    """Return criterion, logarithm of s^2 and order.
+
+    The iteration starts from the process of the residuals `left`.
+    """
     result = np.inf, np.inf, 0
     for _ in range(_ITERATIONS):
         coefficients, _ = autoregression(left - left.mean(), starts)

@@ -1,4 +1,7 @@
-"""Trials: refits of a record with another model, on the host and without compilation."""
+"""Refits of a record with other models.
+
+They use tables of forces, so they compile nothing.
+"""
 
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
@@ -56,18 +59,20 @@ class Trial(NamedTuple):
 
     @property
     def size(self) -> float:
-        """Root mean square of the residuals in motion, of the worst run, in the unit of the record."""
+        """Largest root mean square of the residuals of a run in motion."""
         parts = zip(self.problem.by_run(self.solution.evaluation.residual), self.problem.windows, strict=True)
         return max(float(np.sqrt(np.mean(np.square(part[w.moving]))) * w.stated) for part, w in parts)
 
     @property
     def white(self) -> bool:
-        """True if the residuals in motion are white, at the level of neighbouring samples."""
+        """True if the residuals in motion are white."""
         return all(is_white(self.problem, self.solution, run) for run in range(len(self.problem.windows)))
 
 
 def is_white(problem: Problem, solution: Solution, run: int) -> bool:
-    """Return True if the residuals of a run in motion are white noise of the independent level.
+    """Return True if the residuals of a run in motion are white.
+
+    Their level must be that of neighbouring samples.
 
     Averages of samples decide: their variance exceeds that of independent samples if the residuals are slow.
     """
@@ -78,9 +83,10 @@ def is_white(problem: Problem, solution: Solution, run: int) -> bool:
 
 
 def alternatives(weighted: NoiseWeighted) -> list[Trial]:
-    """Return the trials of a fit, empty if none is needed or possible.
+    """Return the preferred model and its rivals.
 
-    White residuals need none. Models with internal states, and robust losses, have none.
+    The list is empty without trials. White residuals need no trials; models with internal states and robust losses
+    have none.
     """
     problem, solution = weighted.problem, weighted.solution
     fast = isinstance(problem.residual.engine, Tables) and isinstance(problem.loss, Squares)
@@ -96,10 +102,10 @@ def alternatives(weighted: NoiseWeighted) -> list[Trial]:
 
 
 def trials(problem: Problem, solution: Solution, noises: Sequence[Noise]) -> list[Trial]:
-    """Refit a record with further terms; return the preferred model and its rivals, best first.
+    """Refit a record with further terms.
 
-    The first trial is the asked model if no other one is preferred. A term is added to the best model so far, as long
-    as the criterion decides for it and the residuals are not white.
+    The result is the preferred model and its rivals. It is the asked model if no other one is preferred. A term is
+    added to the best model so far, as long as the criterion decides for it and the residuals are not white.
 
     Args:
         problem: the problem; its engine must be that of tables.
@@ -113,17 +119,17 @@ def trials(problem: Problem, solution: Solution, noises: Sequence[Noise]) -> lis
     # No term makes an amplitude rise again.
     irregular = any(rises(window) for window in problem.windows)
     for depth in range(_DEPTH):
-        found = [] if irregular else list(_with_terms(best, noises, base))
-        found += _with_repairs(asked, noises, base) if depth == 0 else ()
-        found = sorted((trial for trial in found if trial.size < best.size), key=lambda trial: -trial.gain)
-        if not found or not found[0].gain > best.gain + DECIDED:
+        tried = [] if irregular else list(_with_terms(best, noises, base))
+        tried += _with_repairs(asked, noises, base) if depth == 0 else ()
+        tried = sorted((trial for trial in tried if trial.size < best.size), key=lambda trial: -trial.gain)
+        if not tried or not tried[0].gain > best.gain + DECIDED:
             break
         # Of rivals the one with the fewest parameters is preferred.
-        rivals = [trial for trial in found if trial.gain > found[0].gain - RIVAL]
+        rivals = [trial for trial in tried if trial.gain > tried[0].gain - RIVAL]
         best = min(rivals, key=lambda trial: len(trial.problem.parameters))
         rivals = [trial for trial in rivals if trial is not best]
         if best.white or best.request is problem.request:
-            # A repaired record needs a verdict of its own.
+            # A repaired record needs a fit with trials.
             break
     return [best, *rivals]
 
@@ -147,7 +153,10 @@ def _with_terms(best: Trial, noises: Sequence[Noise], base: Score) -> Iterator[T
 def _trial(
     best: Trial, term: Term, problem: Problem, y: np.ndarray, noises: Sequence[Noise], base: Score
 ) -> Trial | None:
-    """Return the trial of a term from coordinates `y`, None if no machine has its values."""
+    """Return the trial of a term, None without a sensible optimum.
+
+    It starts from coordinates `y`.
+    """
     solution = solved(problem, y)
     if solution is None or problem.request is None:
         return None
@@ -161,7 +170,7 @@ type _Start = tuple[float, Term, Problem, Sequence[np.ndarray]]
 
 
 def _by_response(best: Trial, possible: Sequence[Term], noises: Sequence[Noise]) -> Iterator[_Start]:
-    """Yield the terms that may describe the record, each with a rank, its problem and start coordinates.
+    """Yield promising terms with rank, problem and start coordinates.
 
     The derivatives of the motion predict the gain of each term to first order. If the residuals are small, a term
     without a predicted gain needs no trial. One model with all further forces is evaluated for all of them.
@@ -184,14 +193,14 @@ def _by_response(best: Trial, possible: Sequence[Term], noises: Sequence[Noise])
 
 
 def _evaluated(best: Trial, request: Request, values: Mapping[str, float]) -> tuple[Problem, Solution] | None:
-    """Return the problem of a request and its evaluation at values by name."""
+    """Return the problem of a request, evaluated at values by name."""
     problem = _problem(best, request)
     at = evaluated(problem, _coordinates(problem, values))
     return None if at is None else (problem, at)
 
 
 def _by_start_values(best: Trial, possible: Sequence[Term], noises: Sequence[Noise]) -> Iterator[_Start]:
-    """Yield the terms with start values of the record, for a model that is far from it.
+    """Yield all terms likewise, for a model far from its record.
 
     The better of these and the fitted values of the model comes first; its criterion is the rank.
     """
@@ -208,29 +217,31 @@ def _by_start_values(best: Trial, possible: Sequence[Term], noises: Sequence[Noi
 
 
 def _problem(best: Trial, request: Request) -> Problem:
-    """Return the problem of a request, with the samples and half-cycles of another model."""
+    """Return the problem of a request for the samples of a trial."""
+    # A rig describes the asked machine, and its inputs do not matter here.
+    request = dataclasses.replace(request, rig=None)
     return with_counts(problem_on(best.problem.windows, request), half_cycles(best.problem))
 
 
 def _with_repairs(asked: Trial, noises: Sequence[Noise], base: Score) -> Iterator[Trial]:
-    """Yield fits of the record after each repair of its reported faults, and without its outliers."""
+    """Yield fits of the repaired record, and without its outliers."""
     window, *others = asked.problem.windows
     if others:
         return
     record = Record(window.trace, {"quantity": window.quantity})
-    found = [
+    repaired = [
         (f"repair of its {word}", f"with repair='{word}'", _on_record(asked, repair(record, word)))
         for word in reported_faults(record)
     ]
-    found.append(("less weight for outliers", "with loss='huber'", _without_outliers(asked)))
-    for name, how, trial in found:
+    repaired.append(("less weight for outliers", "with loss='huber'", _without_outliers(asked)))
+    for name, how, trial in repaired:
         if trial is not None:
             reached = gain(base, score(trial.problem, trial.solution, noises))
             yield trial._replace(names=(name,), how=how, gain=reached)
 
 
 def _without_outliers(asked: Trial) -> Trial | None:
-    """Return the asked model fitted without a few outliers, None if there are none.
+    """Return the fit without a few outliers, if any.
 
     The largest 2 % of the residuals in motion hold 90 % of the sum of squares; for a sinusoid they hold 4 %
     (convention).
@@ -261,7 +272,10 @@ def _on_record(asked: Trial, record: Record) -> Trial | None:
 
 
 def _coordinates(problem: Problem, values: Mapping[str, float]) -> np.ndarray:
-    """Return the coordinates of values by name; others take their start values."""
+    """Return the coordinates of values by name.
+
+    Others take their start values.
+    """
     at = np.array([values.get(parameter.name, parameter.start) for parameter in problem.parameters])
     return np.clip(problem.residual.space.coordinates(at), problem.limits.lower, problem.limits.upper)
 
@@ -275,7 +289,7 @@ def solved(problem: Problem, y: np.ndarray) -> Solution | None:
 
 
 def evaluated(problem: Problem, y: np.ndarray, at: Iterate | None = None) -> Solution | None:
-    """Evaluate all samples at coordinates `y`; None if the motion is not finite."""
+    """Evaluate all samples at coordinates `y`, None if not finite."""
     full = with_inputs(problem.residual, y)
     member = on_all_samples(problem, checking(problem.residual, full), full, EVALUATE_ONLY)
     end = solve_on_host(member.residual, member.stage_weights, member.limits, problem.loss, full, EVALUATE_ONLY)

@@ -1,1 +1,0 @@
-"""Verdict on a fit: whether its model describes the record, and which term it misses."""
