@@ -13,12 +13,18 @@ limits for rounding and step lengths of an algorithm.
 NOTICED = 3.0
 """Larger residuals are reported. Convention: noise alone stays below this value in any record."""
 DESCRIBED = 10.0
-"""A fit with larger residuals has not converged. Convention: larger residuals are motion, not noise."""
+"""A fit with larger residuals does not describe its record. Convention: larger residuals are motion, not noise."""
 EXCESS = 2.0
 """The same squared: chi^2 per sample, or the ratio of the chi^2 of two laws. Above it the number of half-cycles may be
 wrong, a law is fitted again from the coefficients of the best law, and no law of a comparison describes its runs.
 Below its inverse, a noise that was estimated from the record is replaced by the scatter of the residuals.
 Convention: with ten thousand samples of white noise, chi^2 per sample exceeds 1.05 in one of a thousand records."""
+
+# How much of the motion may stay unexplained? Slow residuals over the motion, each as a root mean square.
+UNEXPLAINED = 0.01
+"""A larger share is named in the status and in a warning. Convention."""
+UNDESCRIBED = 0.05
+"""A fit that leaves a larger share unexplained does not describe its record. Tuned: experiments/trials/run.py."""
 
 # Is an effect there, or is it chance? Standard errors.
 SUSPECTED = 3.0

@@ -71,14 +71,14 @@ def main() -> None:
                     known = fj.fit(incomplete(t, smooth + noise, lost, 0, NOISE), start, free, noise="white")
                     noises.append(seen.sigma / NOISE - 1)
                     errors += [seen.std_errors[name] / known.std_errors[name] - 1 for name in free]
-                    failed += not seen.converged
-                    if seen.converged:
+                    failed += not seen.described
+                    if seen.described:
                         right = {"mu": 0.02, "damping": truth.damping, "stiffness": truth.stiffness}
                         pulls += [abs(seen.values[name] - float(right[name])) / seen.std_errors[name] for name in free]
                     complete = fj.fit(fj.Record(t, wrong + noise), start, free, throw=False)
                     passed += (
                         fj.fit(incomplete(t, wrong + noise, lost, i % 3, None), start, free, throw=False).converged
-                        and not complete.converged
+                        and not complete.described
                     )
                 print(
                     f"{rate:7.0f}  {pattern:7}  {share:7.0%}  {100 * np.median(noises):13.1f}  {worst(noises):7.1f}  "

@@ -107,7 +107,7 @@ def judged(swing: Swing, trace: fj.Trace) -> tuple[str, list[str]]:
     truth = {"mu": swing.friction, "damping": swing.damping, "drag": swing.drag, "stiffness": swing.stiffness}
     best = fj.fit(trace, start, FREE, guess=truth, throw=False)
     kept = {
-        "converged": found.converged,
+        "converged": found.described,
         "true optimum": found.chi2 <= best.chi2 + WORSE,
         "chi^2": RANGE[0] <= found.chi2_reduced <= RANGE[1],
         "numerical error": found.numerical_shift <= SHIFT,

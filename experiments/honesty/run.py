@@ -92,7 +92,7 @@ class Outcome(NamedTuple):
 
     @property
     def converged(self) -> bool:
-        return self.fit is not None and self.fit.converged
+        return self.fit is not None and self.fit.described
 
 
 def fitted(rig: Rig, run: Run, kind: str) -> fj.Fit:
@@ -219,7 +219,7 @@ def bars(rig: Rig, runs: int, wanted: list[str]) -> None:
                     continue
                 errors = np.array([found.std_errors[name] for name in rig.free])
                 scores.append([(found.values[name] - truth[name]) / found.std_errors[name] for name in rig.free])
-                converged.append(found.converged)
+                converged.append(found.described)
                 if seed < BOUNDED and found.half_cycles[0] == run.half_cycles:
                     over.append(errors / bound(rig, run, found, kind))
             z, right = np.abs(scores), np.array(converged)
@@ -259,7 +259,7 @@ def inputs(rig: Rig, runs: int, wanted: list[str]) -> None:
             except (DataError, UsageError):
                 refused += 1
                 continue
-            other += not found.converged
+            other += not found.described
             errors.append([found.values[name] - truth[name] for name in rig.free])
             combined.append([found.combined_std_errors[name] for name in rig.free])
             statistical.append([found.std_errors[name] for name in rig.free])

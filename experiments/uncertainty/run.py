@@ -89,8 +89,8 @@ def by_record(make, campaigns, rng):
     fits = fj.fit_batch([make(rng) for _ in range(campaigns)], machine(), FREE)
     columns = [each["mu"] for each in (fits.values, fits.std_errors, fits.white_std_errors)]
     yield "", covered(*columns)
-    if not fits.converged.all():
-        yield f"  {fits.converged.sum()} that converged", covered(*(each[fits.converged] for each in columns))
+    if not fits.described.all():
+        yield f"  {fits.described.sum()} that converged", covered(*(each[fits.described] for each in columns))
 
 
 def by_calibration(campaigns, rng):

@@ -21,7 +21,7 @@ from ..data import Record, Segmentation, read
 from ..data.files import gigabytes, printable
 from ..errors import DataError, UsageError
 from ..fitting.batch import fit_rows
-from ..fitting.diagnostics import CONVERGED
+from ..fitting.diagnostics import describes
 from ..fitting.names import of_run
 from ..fitting.run_fit import RunFit, collected
 from ..fitting.sketch import MOST, few
@@ -224,7 +224,7 @@ def _pictures_of(record: Record | Exception, segmentation: Segmentation | None) 
 def _outcomes(rows: Sequence[RunFit], calibrated: Sequence[bool], with_residuals: bool) -> list[_Outcome]:
     """Return outcomes of fitted runs, without coefficients of uncalibrated machines."""
     batch = collected(rows, ("",) * len(rows))
-    frame = batch.to_dataframe().drop(columns=["source", "converged", "status"])
+    frame = batch.to_dataframe().drop(columns=["source", "converged", "described", "status"])
     for name in ("half_cycles", "iterations", "passes", "sigma"):
         frame[name] = getattr(batch, name).tolist()
     # Parameters that also depend on mass and load, not on the record alone.
@@ -236,6 +236,6 @@ def _outcomes(rows: Sequence[RunFit], calibrated: Sequence[bool], with_residuals
         assert sketch is not None
         columns |= {"load": load} if known else dict.fromkeys((*meaningless, "load"))
         columns |= {f"sketch_{name}": values for name, values in sketch(MOST)._asdict().items()}
-        columns |= {"status": "ok" if status == CONVERGED else "invalid", "outcome": status, "engine": row.engine}
+        columns |= {"status": "ok" if describes(status) else "invalid", "outcome": status, "engine": row.engine}
         outcomes.append((columns, sketch(None) if with_residuals else None))
     return outcomes

@@ -90,7 +90,7 @@ def compare(
             held_out=comparing.held_out,
         )
     data: dict[str, Any] = {"schema": "fricjax.compare/1", **comparison.to_dict(), "calibrated": calibrated}
-    failed = "" if comparison.best.converged else comparison.best.status
+    failed = "" if comparison.best.described else comparison.best.status
     picture = lambda: write_picture(output, plot, comparison.plot)
     deliver(output, data, _text(comparison, calibrated), picture, failed=failed)
 

@@ -12,8 +12,8 @@ CODES = {
     DONE: "The command has done its work.",
     INCOMPLETE: "`batch`: some runs are not ok. `doctor`: a check failed.",
     USAGE: "Wrong usage or configuration, or an output file that exists already.",
-    INVALID: "`fit`, `compare`, `map`, `calibrate ringdown`: the fit has not converged, or does not describe its "
-    "record. `check`: the run leaves a coefficient of `--free` undetermined.",
+    INVALID: "`fit`, `compare`, `map`, `calibrate ringdown`: no optimum was found, or the fit does not describe "
+    "its record. `check`: the run leaves a coefficient of `--free` undetermined.",
     REJECTED: "A file or record was rejected: missing, unreadable or unusable data.",
     FAULT: "A fault of the program, or a result that cannot be written.",
     INTERRUPTED: "Interrupted by Ctrl-C.",
@@ -53,7 +53,7 @@ class Failure:
 
 
 class InvalidFit(Exception):
-    """A fit that has not converged."""
+    """A fit that does not describe its record."""
 
 
 class Interrupted(Exception):

@@ -94,7 +94,7 @@ def fit(
         prepare(output)
         result = fitted(choice, settings, records)
     data, text = report(result, choice)
-    failed = "" if result.converged else result.status
+    failed = "" if result.described else result.status
     deliver(output, data, text, lambda: write_outcome(output, result, records, plot, out, save), failed=failed)
 
 

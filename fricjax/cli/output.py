@@ -112,11 +112,11 @@ def deliver(
         text: outcome as text.
         write: writes the files and returns their paths by kind.
         after: text to add once the files exist.
-        failed: status of a fit that has not converged.
+        failed: status of a fit that does not describe its record.
 
     Raises:
         OSError: a file cannot be written. The outcome has been shown.
-        InvalidFit: the fit has not converged. The outcome has been shown.
+        InvalidFit: the fit does not describe its record. The outcome has been shown.
         Exit: either of the two with ``--json``. The object on stdout contains the error.
     """
     if failed:
@@ -135,7 +135,7 @@ def deliver(
     if failed and output.json:
         raise Exit(INVALID)
     if failed:
-        raise InvalidFit(f"The fit has not converged, {failed} Its results are marked so.")
+        raise InvalidFit(f"The fit is not valid: {failed} Its results are marked so.")
 
 
 def _reworded(value: Any, sentence: bool = False) -> Any:

@@ -163,7 +163,7 @@ def _entry(candidate: Candidate, sigma_mode: str, held_out: bool) -> _Entry:
         if not isinstance(candidate.windows, tuple):
             raise candidate.windows
         problem, solution = solve_with_rest(problem_on(candidate.windows, request))
-        fit = concluded(problem, solution, sigma_mode, throw=False)
+        fit = concluded(problem, solution, sigma_mode, throw=False, trials=False)
     except (DataError, UsageError, RuntimeError) as error:
         return _Entry(candidate, dataclasses.replace(row, status=f"rejected: {' '.join(str(error).split())}"))
     entry = _Entry(candidate, row, problem, solution, fit)
@@ -173,7 +173,7 @@ def _entry(candidate: Candidate, sigma_mode: str, held_out: bool) -> _Entry:
     row = dataclasses.replace(
         row,
         status=fit.status,
-        valid=fit.converged,
+        valid=fit.described,
         ended=np.isfinite(entry.chi2),
         chi2=chi2,
         n_parameters=len(problem.parameters),

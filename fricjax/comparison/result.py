@@ -24,7 +24,7 @@ class Row:
         law: name of the law, or of the sum of laws.
         free: free coefficients of the machine.
         status: outcome of the fit in words.
-        valid: whether the fit converged, as in a `Fit`.
+        valid: whether the model describes the runs, as in a `Fit`.
         ended: whether the fit ended at an optimum. A law that contains a better one ends at an optimum with
             undetermined coefficients, so it is not `valid`.
         chi2: sum of squared residuals in units of the noise.
@@ -157,7 +157,7 @@ class Comparison(Reported):
                 f"The residuals are not white: {self.n_samples} samples count as {self.n_effective:.0f}, and a "
                 f"variance of {plain(self.inflation, 3)} times the stated one as noise."
             )
-        return doubts + [f"{row.name} has not converged, {row.status}" for row in rows if not row.valid]
+        return doubts + [f"{row.name} is not valid, {row.status}" for row in rows if not row.valid]
 
     def _data(self) -> dict[str, Any]:
         """All results without the samples."""

@@ -17,8 +17,7 @@ from ..oscillator.oscillator import leaves_of
 from ..rig import Measured
 from ..show import rotary_unit
 from .derived import contributions, kinematics
-from .diagnostics import CONVERGED, flags_of, misfit_of, status_of, with_faults
-from .missing import advice
+from .diagnostics import flags_of, misfit_of, optimum_found, with_faults
 from .names import find_leaf
 from .noise import Whiteness, whiteness
 from .noise_weighting import NoiseWeighted
@@ -27,14 +26,26 @@ from .rest import CONTRADICTED, Bracket, bracket_static, excess_at_reversals, re
 from .result import Fit, named
 from .solve import Solution
 from .tabulate import untabulated
+from .trials.outcome import conclude
+from .trials.refits import alternatives
 from .warnings import warnings_of_model, warnings_of_run
 from .window import NEVER, OF_RESIDUALS
 
 
-def assemble(weighted: NoiseWeighted, sigma_mode: str) -> Fit:
-    """Return the result of a fit; `sigma_mode` is as for :func:`fricjax.fit`."""
+def assemble(weighted: NoiseWeighted, sigma_mode: str, trials: bool = True) -> Fit:
+    """Return the result of a fit.
+
+    Args:
+        weighted: the solved fit.
+        sigma_mode: as for :func:`fricjax.fit`.
+        trials: whether other models are tried if the residuals are not white.
+    """
     problem, solution, slope = weighted.problem, weighted.solution, weighted.solution.derived.slope
-    covariances = covariance(solution.shape, slope, solution.evaluation.normal, weighted.variance, weighted.unsure)
+    misfit = with_faults(problem, misfit_of(problem, solution, weighted.noises, sigma_mode != "absolute"))
+    matrices = solution.shape, slope, solution.evaluation.normal, weighted.variance
+    alternative = alternatives(weighted) if trials else []
+    outcome = conclude(weighted, covariance(*matrices, weighted.unsure), misfit, alternative)
+    covariances = covariance(*matrices, weighted.unsure + outcome.additional)
     runs = range(len(problem.windows))
     margins = tuple(rest_margin(problem, solution, run) for run in runs)
     excesses = tuple(excess_at_reversals(problem, solution, run) for run in runs)
@@ -45,12 +56,10 @@ def assemble(weighted: NoiseWeighted, sigma_mode: str) -> Fit:
     values = named(problem.names, shown)
     std_errors = named(problem.names, np.sqrt(np.diag(covariances.statistical)))
     factor = np.sqrt(weighted.scatter) if sigma_mode == "estimate" else 1.0
-    misfit = with_faults(problem, misfit_of(problem, solution, weighted.noises, sigma_mode != "absolute"))
-    status = status_of(problem, solution, covariances, misfit)
     parts = contributions(problem.names, solution.derived, covariances)
     warnings = (
-        *warnings_of_run(problem, values, std_errors, misfit, weighted.others),
-        *advice(problem, solution, covariances, weighted.discrepancies),
+        *outcome.warnings,
+        *warnings_of_run(problem, values, misfit, weighted.others),
         *warnings_of_model(problem, values, margins, excesses, bracket, solution.numerical_shift),
     )
     return Fit(
@@ -64,8 +73,8 @@ def assemble(weighted: NoiseWeighted, sigma_mode: str) -> Fit:
         combined_covariance=covariances.combined,
         units={**{p.name: unit_of(p, problem) for p in problem.parameters}, **dict.fromkeys(static, "")},
         flags={**flags_of(problem, covariances, solution), **_static_flags(name, static, bracket)},
-        converged=status == CONVERGED,
-        status=status,
+        converged=optimum_found(outcome.status),
+        status=outcome.status,
         warnings=warnings,
         kinematics=_kinematics(solution, covariances, parts),
         inputs=problem.inputs,
@@ -80,7 +89,7 @@ def assemble(weighted: NoiseWeighted, sigma_mode: str) -> Fit:
         whiteness=_whiteness(problem, solution),
         margins=margins,
         **{name: getattr(solution, name) for name in ("iterations", "stages", "passes", "numerical_shift")},
-        engine=type(problem.residual.engine).__name__.lower(),
+        engine="exact" if weighted.plain else type(problem.residual.engine).__name__.lower(),
         **_criteria(weighted, sigma_mode),
         oscillator=machine,
         **_of_the_runs(problem),

@@ -20,8 +20,7 @@ from .assemble import unit_of
 from .batch_result import BatchFit
 from .chunks import blocks
 from .derived import contributions, kinematics
-from .diagnostics import Misfit, flags_of, misfit_of, status_of, with_faults, worst
-from .missing import advice
+from .diagnostics import Misfit, flags_of, misfit_of, with_faults, worst
 from .noise_weighting import NoiseWeighted, weigh_by_noise
 from .parameters import Free, Request, RunSettings, check_known
 from .plain import plain_runs
@@ -32,6 +31,8 @@ from .run_fit import RunFit, collected
 from .sketch import sketch
 from .solve import Solution, solve_batch
 from .tabulate import untabulated
+from .trials.outcome import conclude
+from .trials.refits import alternatives
 from .warnings import warnings_of_run
 from .window import NEVER
 
@@ -41,7 +42,7 @@ class Row(NamedTuple):
 
     Attributes:
         status: the outcome in words.
-        problem, weighted, covariances, misfit: intermediate results of a fitted run.
+        problem, weighted, covariances, misfit, of_trials: intermediate results of a fitted run.
     """
 
     status: str
@@ -49,19 +50,19 @@ class Row(NamedTuple):
     weighted: NoiseWeighted | None = None
     covariances: Covariance | None = None
     misfit: Misfit | None = None
+    of_trials: tuple[str, ...] = ()
 
     def numbers(self, engine: str) -> RunFit:
         """Return the numbers of the fit.
 
         The root mean square of the residuals is exact if all samples have the same noise.
         """
-        problem, weighted, covariances, misfit = self[1:]
+        problem, weighted, covariances, misfit, of_trials = self[1:]
         if problem is None or weighted is None or covariances is None or misfit is None:
             return RunFit(self.status)
         solution, window = weighted.solution, problem.windows[0]
         derived = solution.derived
         values = named(problem.names, derived.values)
-        errors = named(problem.names, np.sqrt(np.diag(covariances.statistical)))
         count = int(problem.residual.runs[0].half_cycles)
         return RunFit(
             status=self.status,
@@ -74,8 +75,8 @@ class Row(NamedTuple):
             contributions=list(contributions(problem.names, derived, covariances).values()),
             flags=flags_of(problem, covariances, solution),
             warnings=(
-                *warnings_of_run(problem, values, errors, misfit, weighted.others),
-                *advice(problem, solution, covariances, weighted.discrepancies),
+                *of_trials,
+                *warnings_of_run(problem, values, misfit, weighted.others),
             ),
             chi2=solution.chi2,
             dof=problem.dof,
@@ -270,6 +271,7 @@ def _weighted(
 def _row(weighted: NoiseWeighted, misfit: Misfit) -> Row:
     problem, solution = weighted.problem, weighted.solution
     misfit = with_faults(problem, misfit)
-    slope, normal = solution.derived.slope, solution.evaluation.normal
-    covariances = covariance(solution.shape, slope, normal, weighted.variance, weighted.unsure)
-    return Row(status_of(problem, solution, covariances, misfit), problem, weighted, covariances, misfit)
+    matrices = solution.shape, solution.derived.slope, solution.evaluation.normal, weighted.variance
+    outcome = conclude(weighted, covariance(*matrices, weighted.unsure), misfit, alternatives(weighted))
+    covariances = covariance(*matrices, weighted.unsure + outcome.additional)
+    return Row(outcome.status, problem, weighted, covariances, misfit, outcome.warnings)

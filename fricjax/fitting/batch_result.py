@@ -9,7 +9,7 @@ import numpy as np
 from ..errors import DataError, UsageError, nearest
 from ..show import Report, Reported, Style, styled
 from ..show.tables import dataframe
-from .diagnostics import optimum_found
+from .diagnostics import describes, optimum_found
 from .interchange import batch_to_xarray
 from .noise import Noise
 from .population import Population, population
@@ -28,7 +28,7 @@ class BatchFit(Reported):
         white_std_errors: standard errors for white noise of the stated level.
         covariance: shape (runs, p, p); inf for a parameter that is undetermined or at a bound.
         units: by name.
-        converged: True for runs with an optimum that describes the record, as in a `Fit`, shape (runs,).
+        converged: True for runs with an optimum of full rank, as in a `Fit`, shape (runs,).
         status: the outcome of each run in words, its name before the colon, as in a `Fit`.
         flags: for each run, by name, remarks such as "at bound".
         warnings: for each run, in sentences.
@@ -53,7 +53,7 @@ class BatchFit(Reported):
         >>> batch.to_dataframe()["mu"].round(6).tolist()
         [0.05, 0.05]
         >>> batch.report().facts[0]
-        ('runs', '2: 2 converged')
+        ('runs', '2: 2 described')
     """
 
     names: tuple[str, ...]
@@ -85,6 +85,11 @@ class BatchFit(Reported):
         return len(self.status)
 
     @property
+    def described(self) -> np.ndarray:
+        """True for runs that the model describes, shape (runs,)."""
+        return np.array([describes(status) for status in self.status])
+
+    @property
     def optimum_found(self) -> np.ndarray:
         """True for runs with an optimum of full rank, shape (runs,).
 
@@ -107,7 +112,7 @@ class BatchFit(Reported):
         """Sum of squared weighted residuals per degree of freedom, shape (runs,)."""
         return self.chi2 / self.dof
 
-    def population(self, name: str, *, only_converged: bool = True) -> Population:
+    def population(self, name: str, *, only_described: bool = True) -> Population:
         """Estimate mean and scatter of a coefficient over the runs.
 
         The model is ``mu_i ~ N(mu, s^2)``. Runs that are inconsistent with the others, such as those read in a wrong
@@ -116,8 +121,8 @@ class BatchFit(Reported):
 
         Args:
             name: a free parameter, or one of the kinematics.
-            only_converged: use converged runs only. If False, also use runs with an optimum that does not describe the
-                record or has another parameter at a bound. Model errors then add to the scatter.
+            only_described: use only runs that the model describes. If False, also use runs with an optimum that does
+                not describe the record or has another parameter at a bound. Model errors then add to the scatter.
 
         Raises:
             UsageError: no such name.
@@ -127,16 +132,16 @@ class BatchFit(Reported):
         if name not in known:
             raise UsageError(f"This batch has no {name!r}.{nearest(name, known)} It has {', '.join(known)}.")
         errors = {**self.kinematics_std, **self.std_errors}[name]
-        counted = self.converged if only_converged else self.optimum_found
+        counted = self.described if only_described else self.optimum_found
         try:
             return population(np.where(counted, known[name], np.nan), errors, list(self.contributions[name].values()))
         except DataError as error:
             more = int(np.sum(self.optimum_found & ~counted))
-            hint = f" {more} have not converged though an optimum was found: only_converged=False counts them."
+            hint = f" {more} are not described though an optimum was found: only_described=False counts them."
             raise DataError(f"{error}{hint if more else ''}") from error
 
     def report(self) -> Report:
-        """Report the first runs, the means over converged runs, and the outcomes."""
+        """Report the first runs, the means over described runs, and the outcomes."""
         return batch_report(self)
 
     def thumbnails(self) -> Sequence[str]:
@@ -145,7 +150,7 @@ class BatchFit(Reported):
     def plot(self, *, style: Style = "screen") -> Any:
         """Plot each coefficient with its standard error against the run number.
 
-        Runs that have not converged are hollow. The line is the mean over the others; the band is the scatter between
+        Runs that are not described are hollow. The line is the mean over the others; the band is the scatter between
         runs, if there are enough runs to estimate it.
 
         Args:
@@ -179,7 +184,7 @@ class BatchFit(Reported):
         return batch_to_xarray(self)
 
     def __repr__(self) -> str:
-        return f"BatchFit({len(self)} runs of {', '.join(self.names)}; {int(self.converged.sum())} converged)"
+        return f"BatchFit({len(self)} runs of {', '.join(self.names)}; {int(self.described.sum())} described)"
 
 
 _JUDGEMENT = (
@@ -189,4 +194,5 @@ _JUDGEMENT = (
     "half_cycles",
     "passes",
     "converged",
+    "described",
 )

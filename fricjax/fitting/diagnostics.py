@@ -9,7 +9,6 @@ from .. import thresholds
 from ..data.record import Record
 from ..data.repair import reported_faults
 from ..estimation.covariance import Covariance
-from ..estimation.loss import Squares
 from ..estimation.space import Parameter
 from ..estimation.status import NOT_FINITE, OUT_OF_STEPS, STALLED
 from ..show import engineering
@@ -19,8 +18,11 @@ from .problem import Problem
 from .solve import Solution
 from .window import Window
 
-CONVERGED, AT_BOUND, MISFIT = "converged", "at a bound", "does not describe the record"
-_OPTIMA = (CONVERGED, AT_BOUND, MISFIT)
+DESCRIBED = "described"
+"""Name of the usual outcome."""
+# Names of the outcomes with an optimum; the first two describe the record.
+_DESCRIBED = (DESCRIBED, "no dry friction")
+_OPTIMA = (*_DESCRIBED, "at a bound", "does not describe", "no free decay")
 # Error of the computed motion relative to the amplitude, 0.02 nm on 2 mm. Smaller residuals are not expected, even for
 # a noise-free record from a simulation.
 _COMPUTED = 1e-8
@@ -50,6 +52,13 @@ class Misfit(NamedTuple):
     def ratio(self) -> float:
         """Size in units of the noise."""
         return self.size / self.noise
+
+    def words(self, problem: Problem) -> str:
+        """Compare size and noise in words."""
+        size, noise = (engineering(value, problem.windows[0].quantity) for value in (self.size, self.noise))
+        where = " in motion" if self.in_motion else ""
+        where += "" if len(problem.windows) == 1 else f" in {problem.labels[self.run]}"
+        return f"residuals of {size}{where} are {self.ratio:.3g} times the noise of {noise}"
 
 
 def noise_level(window: Window, relative: bool = False) -> float:
@@ -111,11 +120,20 @@ def of_run(number: int, problem: Problem) -> str:
 
 def optimum_found(status: str) -> bool:
     """Return True if the status names an optimum of full rank."""
-    return status.split(":")[0] in _OPTIMA
+    return _name(status) in _OPTIMA
 
 
-def status_of(problem: Problem, solution: Solution, covariance: Covariance, misfit: Misfit) -> str:
-    """Return the outcome in words; its name precedes the colon."""
+def describes(status: str) -> bool:
+    """Return True if the status names a fit that describes its record."""
+    return _name(status) in _DESCRIBED
+
+
+def _name(status: str) -> str:
+    return status.split(":")[0].split(",")[0]
+
+
+def failure_of(problem: Problem, solution: Solution, covariance: Covariance) -> str:
+    """Return the status of a fit without a valid optimum, else ""."""
     if solution.status == NOT_FINITE or not np.all(np.isfinite(solution.derived.values)):
         return "not finite: the model fails at the start values. Check the law's coefficients and the engine."
     if solution.status == OUT_OF_STEPS:
@@ -126,61 +144,9 @@ def status_of(problem: Problem, solution: Solution, covariance: Covariance, misf
             "multistart() for better start values."
         )
     if not covariance.full_rank:
-        lost = _listed(problem, covariance.undetermined)
-        remedy = _repair(misfit) or "fix one of them or record more half-cycles"
-        return f"undetermined: the record does not determine {lost}. {remedy.capitalize()}."
-    at_bound = _listed(problem, covariance.at_bound)
-    # A size that is not finite is a misfit too. Repeated values are dropouts, not noise.
-    if not misfit.ratio <= thresholds.DESCRIBED or "dropouts" in misfit.faults:
-        return f"{MISFIT}: {_compared(problem, misfit)}; {_remedy(problem, solution, misfit, at_bound)}."
-    if at_bound:
-        return f"{AT_BOUND}: {at_bound}. Widen the bound, fix this parameter, or use a law without it."
-    return CONVERGED
-
-
-def _listed(problem: Problem, which: np.ndarray) -> str:
-    return ", ".join(name for name, true in zip(problem.names, which, strict=True) if true)
-
-
-def _compared(problem: Problem, misfit: Misfit) -> str:
-    unit = problem.windows[0].quantity
-    size, noise = (engineering(value, unit) for value in (misfit.size, misfit.noise))
-    where = " in motion" if misfit.in_motion else ""
-    where += "" if len(problem.windows) == 1 else f" in {problem.labels[misfit.run]}"
-    return f"residuals of {size}{where} are {misfit.ratio:.3g} times the noise of {noise}"
-
-
-def _remedy(problem: Problem, solution: Solution, misfit: Misfit, at_bound: str) -> str:
-    """Return the most likely remedy for a model that misses its record."""
-    if repair := _repair(misfit):
-        return repair
-    if isinstance(problem.loss, Squares) and _by_few(problem, solution, misfit.run):
-        return "a few outliers cause most of that: mask them, or reduce their weight with loss='huber'"
-    if any(growth(window) for window in problem.windows):
-        return "its amplitude grows with time: check the order of the samples"
-    if at_bound:
-        return f"{at_bound} is held at a bound, which may be the reason: widen it"
-    if any(holds_release(window) for window in problem.windows):
-        return "start at the first reversal, behind the transient of the release"
-    return "plot the residuals: choose another law, or search for fringe slips, vibration and drift"
-
-
-def _repair(misfit: Misfit) -> str:
-    """Return the option that repairs the faults of a record, if any."""
-    return f"read it with repair='{','.join(misfit.faults)}'" if misfit.faults else ""
-
-
-def _by_few(problem: Problem, solution: Solution, run: int) -> bool:
-    """Return True if a few outliers dominate the residuals in motion.
-
-    They do if 2 % of the samples hold 90 % of the sum of squares; for a sinusoid they hold 4 % (convention). In a batch
-    the per-sample residuals are not kept.
-    """
-    if not solution.evaluation.residual.size:
-        return False
-    part, window = problem.by_run(solution.evaluation.residual)[run], problem.windows[run]
-    squares = np.sort(np.square(part[window.moving]))[::-1]
-    return bool(np.sum(squares[: squares.size // 50]) > 0.9 * np.sum(squares))
+        lost = ", ".join(name for name, at in zip(problem.names, covariance.undetermined, strict=True) if at)
+        return f"undetermined: the record does not determine {lost}. Fix one of them or record more half-cycles."
+    return ""
 
 
 def holds_release(window: Window) -> bool:

@@ -95,8 +95,8 @@ def fit(
         throw: raise an error if no optimum was found or parameters are undetermined; otherwise the status reports it.
 
     Returns:
-        The fit. It has `converged` only if its model also describes the record and no parameter is at a bound;
-        otherwise its status gives the reason.
+        The fit. `converged` states that an optimum was found, `described` that its model describes the record. If the
+        residuals are not white noise, other models are tried, and the status names the one that describes the record.
 
     Raises:
         RuntimeError: JAX computes in single precision.
@@ -128,8 +128,10 @@ def fit(
     return concluded(*solve_with_rest(build_problem(records, request)), sigma_mode, throw)
 
 
-def concluded(problem: Problem, solution: Solution, sigma_mode: str, throw: bool) -> Fit:
-    """Return the fit of a solved problem.
+def concluded(problem: Problem, solution: Solution, sigma_mode: str, throw: bool, trials: bool = True) -> Fit:
+    """Return the fit of a solved problem, after trials of other models.
+
+    Without `trials` no other model is tried.
 
     Raises:
         UsageError: free parameters on which the motion does not depend.
@@ -137,7 +139,7 @@ def concluded(problem: Problem, solution: Solution, sigma_mode: str, throw: bool
     """
     if solution.converged:
         check_effect(problem, solution)
-    result = assemble(weigh_by_noise(problem, solution, sigma_mode == "absolute"), sigma_mode)
+    result = assemble(weigh_by_noise(problem, solution, sigma_mode == "absolute"), sigma_mode, trials)
     if throw and not result.optimum_found:
         raise FitError(f"The fit is not valid, {result.status}", result)
     return result

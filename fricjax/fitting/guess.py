@@ -9,11 +9,12 @@ its integrals and periods are computed exactly (:mod:`.envelope`).
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import numpy as np
 
 from ..data import Segmentation
 from ..oscillator import Oscillator
-from ..oscillator.restoring import Pendulum
+from ..oscillator.restoring import Cubic, Pendulum
 from .envelope import Envelope, envelope
 from .window import equilibrium, extremes, non_negative
 
@@ -45,9 +46,9 @@ def guess_machine(
 ) -> dict[str, float]:
     """Return start values of the free coefficients of a machine.
 
-    They cover mass, stiffness, damping, drag, mu and normal_force. For a law with coefficients of other names, mu is
-    the dynamic force over the load. `free` may also contain "returned", the energy that a contact gives back at each
-    reversal [J].
+    They cover mass, stiffness, the cubic coefficient of a spring, damping, drag, mu and normal_force. For a law with
+    coefficients of other names, mu is the dynamic force over the load. `free` may also contain
+    "returned", the energy that a contact gives back at each reversal [J].
 
     Args:
         oscillator: the machine, for its restoring force and its fixed coefficients.
@@ -65,6 +66,9 @@ def guess_machine(
         seen = _of_pendulum(oscillator, decays, free, at, lower or {})
         if seen is not None:
             return {name: float(seen[name]) for name in free if name in seen}
+    if "k3" in free and "stiffness" in free and isinstance(oscillator.restoring, Cubic):
+        at["stiffness"], at["k3"] = (at["mass"] * each for each in _cubic_spring(decay))
+        oscillator = eqx.tree_at(lambda o: o.restoring, oscillator, Cubic(at["k3"]))
     ratio = float(np.median(decay.omega**2 / _stiffening(oscillator, decay.mean, at)))
     if "stiffness" in free:
         at["stiffness"] = at["mass"] * ratio
@@ -72,6 +76,18 @@ def guess_machine(
         at["mass"] = at["stiffness"] / ratio
     at.update(_losses(oscillator, decay, free, at))
     return {name: float(at[name]) for name in free if name in at}
+
+
+def _cubic_spring(decay: _Decay) -> tuple[float, float]:
+    """Return k/m and k3/m from frequencies and amplitudes, by harmonic balance.
+
+    ``omega^2 = (k + 3/4 k3 a^2)/m``. The spring must pull back from the largest amplitude.
+    """
+    # Reversals of small half-cycles have the least accurate times.
+    columns = np.stack([np.ones_like(decay.mean), 3 / 4 * decay.mean**2], axis=1) * decay.mean[:, None]
+    square, share = np.linalg.lstsq(columns, decay.omega**2 * decay.mean, rcond=None)[0]
+    square = max(square, float(np.min(decay.omega)) ** 2 / 2)
+    return float(square), float(max(share, -0.9 * square / np.max(decay.mean) ** 2))
 
 
 def _of_pendulum(

@@ -30,6 +30,9 @@ class Asked(NamedTuple):
     bounds: dict[str, Bounds]
 
 
+_FACTS = ("status", "converged", "described", "chi2", "dof", "sigma", "engine", "warnings")
+
+
 def plain_name(name: str) -> str:
     """Return a name that is a valid Python identifier.
 
@@ -150,7 +153,7 @@ def to_xarray(fit: Any) -> Any:
         variables |= {f"{key}{end}": Variable(f"t{end}", values, fit.quantity, f"{what} {fit.observation.name.lower()}")
                       for key, (values, what) in samples.items()}  # fmt: skip
     law = type(fit.oscillator.friction).__name__
-    facts = {name: getattr(fit, name) for name in ("status", "converged", "chi2", "dof", "sigma", "engine", "warnings")}
+    facts = {name: getattr(fit, name) for name in _FACTS}
     return dataset(variables, coordinates, **facts, friction=law, sources=fit.labels)
 
 
@@ -167,7 +170,7 @@ def batch_to_xarray(batch: Any) -> Any:
         "kinematics": Variable(("run", "quantity"), rows(batch.kinematics, derived)),
         "kinematics_std": Variable(("run", "quantity"), rows(batch.kinematics_std, derived)),
         **{name: Variable("run", getattr(batch, name)) for name in ("chi2", "dof", "residual_rms", "half_cycles")},
-        "converged": Variable("run", batch.converged),
+        **{name: Variable("run", getattr(batch, name)) for name in ("converged", "described")},
         "status": Variable("run", list(batch.status)),
     }
     coordinates = {axis: Variable(axis, names) for axis in square[1:]}

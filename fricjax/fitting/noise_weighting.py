@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .. import thresholds
-from ..estimation.colour import Colour, white, whitened
+from ..estimation.colour import Colour, whitened
 from ..estimation.covariance import Quadratic
 from ..estimation.loss import Squares
 from ..estimation.small_sample import small_sample_covariance
@@ -29,17 +29,8 @@ from .clock import fit_timing_jitter
 from .colours import colours_of, expected_size, least_squares, misfit_of, under_noise, variance_left, weighed_rows
 from .diagnostics import noise_level, worst
 from .evaluation import Block
-from .missing import (
-    Discrepancy,
-    discrepancy_covariance,
-    force_responses_of,
-    main_discrepancy,
-    main_forces,
-    significant_force,
-)
 from .noise import Line, Noise, whiteness
 from .problem import Problem, with_windows
-from .responses import Responses
 from .rows import Rows, Seen, rounded, rows_of
 from .runs import IN_PHASE
 from .solve import Solution, checking, evaluate_at, half_cycles, solve
@@ -88,11 +79,11 @@ class NoiseWeighted(NamedTuple):
         scatter: the same for white noise of the stated level, or of the level of the residuals if stated levels are
             relative; `white`: standard errors of the coordinates with it.
         noises: the noise of each run.
-        unsure: covariance to add for the uncertain noise model, the uncertain number of half-cycles, and omitted
-            forces; `others`: the other numbers.
+        unsure: covariance to add for the uncertain noise model and the uncertain number of half-cycles; `others`: the
+            other numbers.
         went_on: True if the fit continued beyond least squares.
         gain: change of -2 log(likelihood) by the noise model; `numbers`: its number of parameters.
-        discrepancies: omitted forces of each run, detected or possible; empty if not tested.
+        plain: True if the residuals have proven that the model describes the record, and that its noise is white.
     """
 
     problem: Problem
@@ -106,7 +97,7 @@ class NoiseWeighted(NamedTuple):
     went_on: bool = False
     gain: float = 0.0
     numbers: int = 0
-    discrepancies: tuple[Discrepancy | None, ...] = ()
+    plain: bool = False
 
 
 def weigh_by_noise(problem: Problem, solution: Solution, absolute: bool) -> NoiseWeighted:
@@ -125,23 +116,15 @@ def weigh_by_noise(problem: Problem, solution: Solution, absolute: bool) -> Nois
     quiet = _at_level_of_residuals(problem, solution, rows)
     if quiet is not None:
         return weigh_by_noise(*quiet, absolute)
-    force_responses = [force_responses_of(problem, solution, run, row) for run, row in enumerate(rows)]
-    discrepancies = [
-        main_discrepancy(problem, solution, run, *each)
-        for run, each in enumerate(zip(rows, force_responses, strict=True))
-    ]
-    if any(discrepancies):
-        # A noise model would absorb in each half-cycle the effect of a force that is common to all.
-        return _inflate_for_forces(_inflate_for_misfit(ols, rows) if problem.noise == "auto" else ols, discrepancies)
     if problem.noise == "white":
-        return _add_discrepancy(ols, solution, _white(rows), force_responses)
+        return ols
     # Residuals from an omitted force grow with velocity too, so a large misfit excludes jitter.
     small = _largest_ratio(problem, rows, absolute) <= thresholds.DESCRIBED
     jittered = fit_timing_jitter(problem, solution, rows) if small and problem.noise in ("auto", "jitter") else None
     if jittered is None:
-        return _with_noise_models(ols, rows, force_responses, absolute)
+        return _with_noise_models(ols, rows, absolute)
     rows = rows_of(jittered.problem, jittered.solution.evaluation)
-    gls = _with_noise_models(_ols(jittered.problem, jittered.solution, absolute), rows, force_responses, absolute)
+    gls = _with_noise_models(_ols(jittered.problem, jittered.solution, absolute), rows, absolute)
     pairs = zip(gls.noises, jittered.jitters, strict=True)
     return gls._replace(
         white=ols.white,
@@ -184,15 +167,12 @@ def _largest_ratio(problem: Problem, rows: Sequence[Rows], absolute: bool) -> fl
     return worst(problem, sizes, [0.0] * len(rows), not absolute).ratio
 
 
-def _with_noise_models(
-    ols: NoiseWeighted, first: Sequence[Rows], force_responses: Sequence[Responses], absolute: bool
-) -> NoiseWeighted:
+def _with_noise_models(ols: NoiseWeighted, first: Sequence[Rows], absolute: bool) -> NoiseWeighted:
     """Return the fit continued with noise models.
 
     Args:
         ols: its least squares.
         first: their rows.
-        force_responses: the responses to forces at the times of these rows.
         absolute: as in `weigh_by_noise`.
     """
     problem, solution = ols.problem, ols.solution
@@ -212,23 +192,14 @@ def _with_noise_models(
             rows = rows_of(problem, at.evaluation)
             continue
         if not seen:
-            return _add_discrepancy(ols, solution, _white(rows), force_responses)
+            return ols
         least = least_squares(problem, at, weighed_rows(seen))
         ended = at._replace(shape=least[0])
         arrived = ended.shape.distance <= _NEAR
         if not misfit_of(problem, seen, absolute) <= (thresholds.DESCRIBED if arrived else on_the_way):
-            return _add_force_uncertainty(
-                _add_discrepancy(_inflate_for_misfit(ols, first), ended, seen, force_responses),
-                ols,
-                first,
-                force_responses,
-            )
+            return _inflate_for_misfit(ols, first)
         if arrived:
-            gls = _add_discrepancy(
-                _under_colour(ols, at, seen, least, ambiguity, absolute), ended, seen, force_responses
-            )
-            guessed = problem.noise == "auto" and any(colour.transition for _, colour in seen)
-            return _add_force_uncertainty(gls, ols, first, force_responses) if guessed else gls
+            return _under_colour(ols, at, seen, least, ambiguity, absolute)
         if number == _LOOKS - 1:
             ambiguity = ended.shape.step
         at = _reevaluate(problem, at, ended.shape.step)
@@ -238,7 +209,7 @@ def _with_noise_models(
         # After a step out of phase with the record, the next ones diverge to huge stiffnesses.
         if any(map(_out_of_phase, problem.windows, rows, first)):
             break
-    return _add_force_uncertainty(_inflate_for_misfit(ols, first), ols, first, force_responses)
+    return _inflate_for_misfit(ols, first)
 
 
 def _out_of_phase(window: Window, row: Rows, first: Rows) -> bool:
@@ -287,44 +258,6 @@ def _under_colour(
         gain=sum(gain for gain, _ in likelihoods),
         numbers=sum(numbers for _, numbers in likelihoods),
     )
-
-
-def _white(rows: Sequence[Rows]) -> list[Seen]:
-    """Return rows with the white noise that least squares assumes."""
-    return [Seen(row, white(row.series, 1.0)) for row in rows]
-
-
-def _add_discrepancy(
-    weighted: NoiseWeighted, at: Solution, seen: Sequence[Seen], force_responses: Sequence[Responses]
-) -> NoiseWeighted:
-    """Add forces that are significant in addition to the noise."""
-    runs = enumerate(zip(seen, force_responses, strict=True))
-    return _inflate_for_forces(weighted, [significant_force(weighted.problem, at, run, *each) for run, each in runs])
-
-
-def _add_force_uncertainty(
-    gls: NoiseWeighted, ols: NoiseWeighted, first: Sequence[Rows], force_responses: Sequence[Responses]
-) -> NoiseWeighted:
-    """Add forces that few half-cycles cannot separate from the current noise model.
-
-    Args:
-        gls: the fit with floor vibration, or with unexplained residuals.
-        ols: its least squares, to which the shifts refer.
-        first: their rows.
-        force_responses: the responses to forces at the times of these rows.
-    """
-    problem, p = gls.problem, gls.problem.residual.n_parameters
-    moved, discrepancies = ols.solution.y[:p] - gls.solution.y[:p], []
-    for run, (row, responses) in enumerate(zip(first, force_responses, strict=True)):
-        forces = main_forces(problem, ols.solution, run, row, responses)
-        discrepancies += [force._replace(shift=force.shift + moved) for force, _ in forces]
-    return _inflate_for_forces(gls, discrepancies)._replace(discrepancies=(*gls.discrepancies, *discrepancies))
-
-
-def _inflate_for_forces(weighted: NoiseWeighted, discrepancies: Sequence[Discrepancy | None]) -> NoiseWeighted:
-    """Enlarge the standard errors for omitted forces."""
-    unsure = weighted.unsure + discrepancy_covariance(discrepancies, weighted.problem.residual.n_parameters)
-    return weighted._replace(discrepancies=tuple(discrepancies), unsure=unsure)
 
 
 def _ols(problem: Problem, solution: Solution, absolute: bool) -> NoiseWeighted:

@@ -21,8 +21,8 @@ from ..oscillator.restoring import Linear
 from ..plain import COEFFICIENTS, ITERATIONS, RUN_COEFFICIENTS, PlainFits, decay_slopes, fit_plain
 from ..rig.rig import READING
 from ..show import rotary_unit
-from . import diagnostics
 from .derived import UNITS, derive_on_host
+from .diagnostics import DESCRIBED
 from .evaluation import Evaluation
 from .names import NUISANCES
 from .noise import Noise
@@ -119,7 +119,7 @@ def plain_runs(records: Sequence[Any], requests: Sequence[Request]) -> dict[int,
             segmentation = _segmentation(record, block, place)
             scale = implausible_scale(segmentation, block.interval, angular=record.quantity == "rad")
             rows[i] = RunFit(
-                status=diagnostics.CONVERGED,
+                status=DESCRIBED,
                 units=units[record.quantity],
                 flags=dict.fromkeys((*block.free, *block.of_run), ()),
                 warnings=(*doubts, *scale),
@@ -354,7 +354,7 @@ def _solved(record: Record, request: Request, block: _Block, place: int) -> Nois
         ITERATIONS, ITERATIONS + 1, 1,
     )  # fmt: skip
     white = np.sqrt(np.diag(shape.inverse))
-    return NoiseWeighted(problem, solution, 1.0, 1.0, white, (Noise(),), np.zeros((y.size, y.size)))
+    return NoiseWeighted(problem, solution, 1.0, 1.0, white, (Noise(),), np.zeros((p, p)), plain=True)
 
 
 def _by_name(block: _Block, place: int, names: Sequence[str]) -> np.ndarray:

@@ -47,6 +47,7 @@ class Problem:
         windows: the fitted part of each record.
         bracketed: name of a static coefficient that the user freed and that is bracketed instead of fitted.
         made: True if its records were made from the fitted model, which is then complete.
+        request: arguments of the fit.
     """
 
     residual: Residual
@@ -60,6 +61,7 @@ class Problem:
     bracketed: str | None
     noise: str = "auto"
     made: bool = False
+    request: Request | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -157,6 +159,7 @@ def problem_on(windows: tuple[Window, ...], request: Request) -> Problem:
         windows=windows,
         bracketed=bracketed,
         noise=request.noise,
+        request=request,
     )
 
 

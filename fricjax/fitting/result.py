@@ -17,7 +17,7 @@ from ..oscillator import Oscillator, observe, simulate
 from ..rig import Measured
 from ..show import Report, Reported, Style, styled
 from . import interchange
-from .diagnostics import optimum_found
+from .diagnostics import describes, optimum_found
 from .interactive import Sliders
 from .noise import Noise, Whiteness
 from .problem import Problem
@@ -61,11 +61,9 @@ class Fit(Reported):
             friction varies, with a flag and a warning, and the value is NaN.
         covariance, combined_covariance: shape (p, p); inf for a parameter that is undetermined or at a bound.
         units, flags: by name; flags are remarks such as "at bound".
-        converged: True if the optimum is finite and of full rank, no parameter is at a bound, and the model describes
-            the record: residuals of each run are at most ten times its noise (`fricjax.thresholds.DESCRIBED`), stated
-            or seen in the record.
-        status: the outcome in words, its name before the colon: "converged", "does not describe the record", "at a
-            bound", "undetermined", "out of steps", "stalled" or "not finite".
+        converged: True if the optimum is finite and of full rank. The model may still miss the record.
+        status: the outcome in words, its name before the colon or comma: "described", "no dry friction", "does not
+            describe", "no free decay", "at a bound", "undetermined", "out of steps", "stalled" or "not finite".
         warnings: warnings in sentences.
         kinematics: natural frequency, damping ratio, dead band and losses per unit mass, which need no rig; with a rig,
             the uncertainties include its inputs.
@@ -149,6 +147,14 @@ class Fit(Reported):
     origins: tuple[float, ...]
     engine_used: Any
     problem: Problem | None = None
+
+    @property
+    def described(self) -> bool:
+        """True if the model describes the record.
+
+        No other model is preferred, and at most 5 % of the motion is unexplained (`fricjax.thresholds.UNDESCRIBED`).
+        """
+        return describes(self.status)
 
     @property
     def optimum_found(self) -> bool:

@@ -9,7 +9,7 @@ from ..data import Segmentation
 from ..errors import UsageError
 from .batch_result import BatchFit
 from .derived import UNITS
-from .diagnostics import CONVERGED
+from .diagnostics import optimum_found
 from .noise import Noise
 from .sketch import Sketch
 
@@ -93,7 +93,7 @@ def collected(rows: Sequence[RunFit], sources: tuple[str, ...]) -> BatchFit:
         white_std_errors=by_name(column("white", p)),
         covariance=covariances,
         units=dict(first.units),
-        converged=np.array([row.status == CONVERGED for row in rows]),
+        converged=np.array([optimum_found(row.status) for row in rows]),
         status=tuple(row.status for row in rows),
         flags=tuple(dict(row.flags) for row in rows),
         warnings=tuple(row.warnings for row in rows),

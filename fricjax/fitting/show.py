@@ -212,7 +212,7 @@ def batch_plot(batch: Any) -> Any:
     """Plot each coefficient against the run number, with mean and scatter."""
     names = [name for name in batch.values if not of_run(name)]
     drawing, axes = figure(len(names), share_x=True)
-    runs, good = np.arange(len(batch)), batch.converged
+    runs, good = np.arange(len(batch)), batch.described
     for each, name in zip(axes[:, 0], names, strict=True):
         values, unit = scaled(batch.values[name], batch.units[name])
         factor, _ = display_unit(float(np.nanmax(np.abs(batch.values[name]), initial=0.0)), batch.units[name])

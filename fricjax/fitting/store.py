@@ -34,7 +34,8 @@ def to_dict(fit: Any) -> dict[str, Any]:
     names = [name for name in _saved(fit) if name not in _SAMPLES]
     fields = {name: getattr(fit, name) for name in names}
     fields["kinematics"] = {name: estimate._asdict() for name, estimate in fit.kinematics.items()}
-    return {"schema": SCHEMA, "chi2_reduced": plain_fields(fit.chi2_reduced), **plain_fields(fields)}
+    facts = {"chi2_reduced": plain_fields(fit.chi2_reduced), "described": fit.described}
+    return {"schema": SCHEMA, **facts, **plain_fields(fields)}
 
 
 def _saved(fit: Any) -> list[str]:

@@ -47,7 +47,6 @@ def warnings_of_model(
 def warnings_of_run(
     problem: Problem,
     values: Mapping[str, float],
-    std_errors: Mapping[str, float],
     misfit: Misfit,
     others: Sequence[AlternativeCount],
 ) -> Iterator[str]:
@@ -58,7 +57,6 @@ def warnings_of_run(
     Args:
         problem: the problem that was solved.
         values: fitted values by name.
-        std_errors: their standard errors.
         misfit: its residuals relative to its noise.
         others: other numbers of half-cycles that the record leaves possible.
     """
@@ -66,11 +64,6 @@ def warnings_of_run(
     yield from implausible(problem, values)
     yield from _on_growth(problem)
     yield from _on_other_numbers(problem, others)
-    if values.get("damping", 0.0) < -thresholds.SUSPECTED * std_errors.get("damping", np.inf):
-        yield (
-            "The damping is negative, which no passive machine has. Likely causes are friction that falls with "
-            "velocity or a missing term such as drag. Bound it at zero or choose another law."
-        )
     size = f"{misfit.size:.2e} {unit} rms{' in motion' if misfit.in_motion else ''}"
     yield from misfit.faults.values()
     if misfit.ratio > thresholds.NOTICED:
@@ -99,14 +92,17 @@ def warnings_of_run(
 
 
 def _on_other_numbers(problem: Problem, others: Sequence[AlternativeCount]) -> Iterator[str]:
+    """Yield one sentence for each run with an uncertain number of half-cycles."""
     taken = half_cycles(problem)
-    for counts, probability in others:
-        if probability > thresholds.POSSIBLE:
-            run = next(i for i, count in enumerate(counts) if count != taken[i])
-            where = of_run(run, problem)
+    for run, count in enumerate(taken):
+        possible = [(c[run], p) for c, p in others if c[run] != count and p > thresholds.POSSIBLE]
+        if possible:
+            counts = " and ".join(str(each) for each, _ in possible)
+            odds = " and ".join(f"{p:.2g}" for _, p in possible)
+            have = "have probabilities" if len(possible) > 1 else "have a probability"
             yield (
-                f"The record leaves the number of half-cycles{where} uncertain: {taken[run]} were assumed, and "
-                f"{counts[run]} have a probability of {probability:.2g}. The standard errors include both."
+                f"The record leaves the number of half-cycles{of_run(run, problem)} uncertain: {count} were assumed, "
+                f"and {counts} {have} of {odds}. The standard errors include them."
             )
 
 

@@ -43,7 +43,7 @@ def _row(fit: Fit, run: int) -> dict[str, Any]:
         "key": str(run),
         "file": fit.labels[run],
         "friction": name_of(fit.oscillator),
-        "status": "ok" if fit.converged else "invalid",
+        "status": "ok" if fit.described else "invalid",
         "outcome": fit.status,
         "warnings": " ".join(fit.warnings),
     }

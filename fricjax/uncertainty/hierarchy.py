@@ -149,7 +149,7 @@ def hierarchical(
     """Draw mean and scatter of a coefficient over runs from their posterior.
 
     Args:
-        runs: a batch of fits, or values and standard errors, each of shape (runs,). Only the converged fits of a batch
+        runs: a batch of fits, or values and standard errors, each of shape (runs,). Only the described fits of a batch
             are used. For a batch that was fitted with a rig, the errors of the rig's inputs are drawn too: from their
             stated uncertainties, with one error for all runs.
         name: name of the coefficient.
@@ -215,7 +215,7 @@ def _observed(runs: Any, name: str) -> tuple[np.ndarray, np.ndarray, str, dict[s
         return y, u, "", {}
     if name not in runs.names:
         raise UsageError(f"These fits have no {name!r}.{nearest(name, runs.names)} They have {', '.join(runs.names)}.")
-    used = runs.converged & np.isfinite(runs.std_errors[name])
+    used = runs.described & np.isfinite(runs.std_errors[name])
     common = {source: each[used] for source, each in runs.contributions[name].items()}
     return runs.values[name][used], runs.std_errors[name][used], runs.units[name], common
 

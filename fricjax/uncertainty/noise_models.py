@@ -74,7 +74,7 @@ class NoiseModels(Reported):
     @property
     def described(self) -> tuple[str, ...]:
         """Names of the models under which the fit describes its record."""
-        return tuple(row.name for row in self.rows if row.fit.converged)
+        return tuple(row.name for row in self.rows if row.fit.described)
 
     def report(self) -> Report:
         """Return one row per model: criteria, and the value with its error."""

@@ -67,7 +67,7 @@ def test_fit_with_a_rig_prints_and_writes(demo, fricjax, tmp_path):
     called = fricjax("fit", RUN, "--rig", RIG, *words)
     assert called.code == 0
     assert "mu " in called.out
-    assert "converged" in called.out
+    assert "status:      described" in called.out
     assert all(path.stat().st_size > 0 for path in files.values())
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(path.name for path in files.values())
     assert np.array_equal(fj.read(files["save"]).trace.x, fj.read(RUN).trace.x)
@@ -128,15 +128,15 @@ def test_a_fit_that_does_not_describe_its_record_ends_with_three(fricjax, tmp_pa
     words = ("fit", path, "--rig", RIG, "--out", files["json"], "--plot", files["png"])
     called = fricjax(*words)
     assert called.code == 3
-    assert "Error: The fit has not converged, does not describe the record: residuals of " in called.err
-    assert "status:      does not describe the record: residuals of " in called.out
+    assert "Error: The fit is not valid: does not describe: repair of its slips would (" in called.err
+    assert "status:      does not describe: repair of its slips would (" in called.out
     found = fj.load_fit(files["json"])
-    assert not found.converged and found.status.startswith("does not describe the record")
+    assert not found.described and found.status.startswith("does not describe")
     assert files["png"].read_bytes().startswith(b"\x89PNG")
     as_json = fricjax(*words, "--json", "--force")
     report = json.loads(as_json.out)
-    assert (as_json.code, report["kind"], report["exit_code"], report["converged"]) == (3, "fit", 3, False)
-    assert found.status.endswith("; read it with repair='slips'.")
+    assert (as_json.code, report["kind"], report["exit_code"], report["described"]) == (3, "fit", 3, False)
+    assert found.status.endswith("; fit with repair='slips'.")
     assert report["error"] == report["status"] == found.status.replace("repair='slips'", "--repair slips")
     assert report["files"] == {"fit": str(files["json"]), "picture": str(files["png"])}
     assert report["values"]["mu"] == found.values["mu"]
@@ -145,7 +145,7 @@ def test_a_fit_that_does_not_describe_its_record_ends_with_three(fricjax, tmp_pa
 def test_a_fit_at_a_bound_ends_with_three(fricjax):
     called = fricjax("fit", RUN, "--rig", RIG, "--bounds", "damping=0.2:0.3", "--json")
     report = json.loads(called.out)
-    assert (called.code, report["converged"], report["values"]["damping"]) == (3, False, 0.2)
+    assert (called.code, report["described"], report["values"]["damping"]) == (3, False, 0.2)
 
 
 @pytest.mark.slow

@@ -31,7 +31,7 @@ def batch(traces: list[fj.Trace], request: pytest.FixtureRequest) -> fj.BatchFit
 def test_each_run_is_fitted_as_it_would_be_alone(batch: fj.BatchFit, traces: list[fj.Trace]):
     for i, trace in enumerate(traces):
         alone = fj.fit(trace, SLIDING, MACHINE)
-        assert batch.status[i] == alone.status == "converged"
+        assert batch.status[i] == alone.status == "described"
         for name in batch.names:
             assert batch.values[name][i] == pytest.approx(alone.values[name], abs=1e-2 * alone.std_errors[name])
             assert batch.std_errors[name][i] == pytest.approx(alone.std_errors[name], rel=1e-4)
@@ -55,7 +55,7 @@ def test_a_bad_run_does_not_stop_the_others(traces: list[fj.Trace]):
     t = np.arange(2000) / 5e3
     still = fj.Trace(t, 1e-9 * np.random.default_rng(0).standard_normal(t.size))
     found = fj.fit_batch([traces[0], still, "run.csv", traces[1]], SLIDING, MACHINE)
-    assert [s.split(":")[0] for s in found.status] == ["converged", "rejected", "rejected", "converged"]
+    assert [s.split(":")[0] for s in found.status] == ["described", "rejected", "rejected", "described"]
     assert "x is constant" in found.status[1]
     assert "rejected: There is no file run.csv." in found.status[2]
     assert found.sources == ("", "", "run.csv", "")
@@ -77,7 +77,7 @@ def test_a_mass_that_stopped_just_before_its_record_ends():
     run = fj.synthetic_run(machine, 2.2e-3, rate=4e3, duration=stop + 6e-3, noise=5e-9, seed=1)
     assert run.segmentation.rest is None
     batch = fj.fit_batch([run, run], machine, MACHINE)
-    assert batch.status == 2 * ("converged",)
+    assert batch.status == 2 * ("described",)
     assert abs(batch.values["mu"][0] - 0.013441) < 5 * batch.std_errors["mu"][0]
 
 
@@ -93,7 +93,7 @@ def test_a_run_that_needs_too_many_steps_does_not_stop_the_others(monkeypatch):
     monkeypatch.setattr(mesh, "_finite", bounded)
     runs = [noisy("sliding", "LuGre", 0), noisy("rolling", "LuGre", 0)]
     found = fj.fit_batch(runs, oscillator(RIGS["sliding"], "LuGre"), (*MACHINE, "sigma0"))
-    assert found.status == ("converged", "rejected: The motion needs more steps.")
+    assert found.status == ("described", "rejected: The motion needs more steps.")
 
 
 def test_settings_that_fit_no_run_are_an_error(traces: list[fj.Trace]):

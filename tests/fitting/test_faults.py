@@ -69,7 +69,7 @@ def fitted(wall: float = 0.0, rough: float = 0.0, **options: Any) -> Fit:
 
 def assert_failed(found: Fit, status: str):
     assert found.status == status
-    assert not found.converged
+    assert not found.described
     assert found.status in found.summary() and html.escape(found.status) in found._repr_html_()
     assert "nan" not in found.summary()
     assert set(found.std_errors) == set(found.values) == set(found.names)
@@ -77,7 +77,7 @@ def assert_failed(found: Fit, status: str):
 
 def test_without_a_fault_it_converges():
     found = fitted()
-    assert found.converged and found.status == "converged"
+    assert found.converged and found.status == "described"
     assert abs(found.values["mu"] - 0.05) < 4 * found.std_errors["mu"]
 
 
@@ -103,7 +103,7 @@ def test_nan_between_start_and_optimum():
 def test_nan_just_behind_the_optimum_does_no_harm():
     """Reject trial steps behind the wall like steps that raise chi^2."""
     plain, found = fitted(), fitted(wall=0.05 - 1e-6)
-    assert found.status == "converged"
+    assert found.status == "described"
     assert found.values["mu"] == pytest.approx(plain.values["mu"], abs=1e-3 * plain.std_errors["mu"])
     assert found.std_errors["mu"] == pytest.approx(plain.std_errors["mu"], rel=1e-6)
 
@@ -121,7 +121,7 @@ def test_nan_in_the_derivatives_alone_midway():
 def test_an_optimum_behind_a_wall_of_bounds_is_at_the_bound():
     """Pass the wall as a bound, so that the model stays finite."""
     found = fitted(wall=0.06, bounds={"mu": (0.06, None)})
-    assert found.optimum_found and not found.converged
+    assert found.optimum_found and not found.described
     assert "mu is held at a bound, which may be the reason: widen it." in found.status
     assert found.values["mu"] == 0.06
 

@@ -86,7 +86,7 @@ def test_other_units_give_the_same_optimum(law, units):
     there, errors_there = back(found, **units)
     shift = np.abs(there - values) * ~at_an_instant_of_the_record(found)
     print(f"\n{law} {units}: moved by {np.max(shift / errors):.1e} standard errors")
-    assert found.status == reference.status == "converged"
+    assert found.status == reference.status == "described"
     assert found.half_cycles == reference.half_cycles
     assert np.max(shift / errors) < CLOSE[law]
     own = np.array([name != "offset" for name in found.names])  # the offset is zero within its standard error

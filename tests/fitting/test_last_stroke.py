@@ -52,7 +52,7 @@ def test_a_law_that_creeps_is_fitted_wherever_its_record_ends(v_s: float):
     how = {"rate": 5e3, "duration": 2.0, "noise": 5e-9}
     runs = [synthetic_run(of(m), x0, seed=i, **how) for i, (m, x0) in enumerate(zip(mu, starts, strict=True))]
     found = fit_batch(runs, of(0.01), ["mu", "damping", "stiffness"])
-    assert found.status == ("converged",) * 24
+    assert found.status == ("described",) * 24
     assert np.all(np.abs(found.values["mu"] - mu) < 4 * found.std_errors["mu"])
 
 

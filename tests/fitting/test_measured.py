@@ -52,7 +52,7 @@ def dry_alone(small) -> float:
 
 def assert_misses(found: Fit, *parts: str):
     """Check that the optimum was found but does not describe the record."""
-    assert found.optimum_found and not found.converged
+    assert found.optimum_found and not found.described
     for part in ("does not describe the record: residuals of ", *parts):
         assert part in found.status, found.status
 

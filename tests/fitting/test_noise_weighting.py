@@ -243,7 +243,7 @@ def test_noise_of_more_than_half_a_step_hides_the_rounding():
 def test_rounding_and_drift_and_noise_come_together(noise, step, shows):
     records = [step * np.round((X + noise(seed) + 2e-6 * T) / step) for seed in range(8)]
     found = [fit(Trace(T, x), MODEL, MACHINE) for x in records]
-    assert [each.status for each in found] == 8 * ["converged"]
+    assert [each.status for each in found] == 8 * ["described"]
     assert all(bool(each.noises[0].rounding) == shows for each in found)
     assert [each.noises[0].drift for each in found] == pytest.approx(8 * [2e-6], rel=0.01)
     scores = np.array([errors(each) for each in found])

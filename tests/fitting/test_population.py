@@ -126,8 +126,8 @@ def test_runs_that_have_not_converged_are_left_out_unless_they_are_asked_for():
     slipped = [fj.Trace(run.t, np.where(np.arange(run.n) < 500, run.x, run.x + 316.4e-9)) for run in good]
     batch = fj.fit_batch([*good, *slipped], oscillator(RIGS["sliding"], "Coulomb"), ("mu", "damping", "stiffness"))
     assert batch.converged.tolist() == [True, True, False, False]
-    with pytest.raises(DataError, match=r"got 2\. 2 have not converged though .* only_converged=False counts them"):
+    with pytest.raises(DataError, match=r"got 2\. 2 are not described though .* only_described=False counts them"):
         batch.population("mu")
-    assert batch.population("mu", only_converged=False).runs == 4
+    assert batch.population("mu", only_described=False).runs == 4
     three = fj.fit_batch([*good, coulomb_run(2.4e-3), slipped[0]], oscillator(RIGS["sliding"], "Coulomb"), ("mu",))
     assert three.population("mu").left_out == (3,)

@@ -57,7 +57,7 @@ def test_the_fit_is_valid_and_describes_the_noise(workload):
     print(f"\n{'-'.join(workload)}: reduced chi^2 {min(ratios):.3f} to {max(ratios):.3f}")
     assert min(ratios) > 0.9 and max(ratios) < 1.1
     for found in fits(*workload):
-        assert found.converged and found.status == "converged"
+        assert found.converged and found.status == "described"
         assert found.whiteness.white and not found.warnings, found.warnings
         assert not any(found.flags.values())
 

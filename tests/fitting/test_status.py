@@ -1,6 +1,6 @@
 """Status of fits.
 
-A fit converges only if its model describes the record. Every other outcome has a name.
+A fit is described only if its model describes the record. Every other outcome has a name.
 """
 
 import re
@@ -18,7 +18,7 @@ MODEL = oscillator(RIGS["sliding"], "Coulomb")
 NOISE = 1e-9
 # A fringe of a helium-neon laser, half its wavelength.
 FRINGE = 316.4e-9
-MISFIT = "does not describe the record: residuals of "
+MISFIT = "does not describe: "
 
 
 def altered(change, **settings) -> Trace:
@@ -48,11 +48,11 @@ def in_motion(found: Fit) -> float:
 
 
 def assert_named(found: Fit, name: str, *parts: str):
-    """Check a fit that found its optimum but has not converged.
+    """Check a fit that found its optimum but is not described.
 
     `fit` returned it without `throw=False`.
     """
-    assert not found.converged and found.optimum_found
+    assert not found.described and found.optimum_found
     assert found.status.startswith(name), found.status
     for part in parts:
         assert part in found.status
@@ -63,16 +63,16 @@ def assert_named(found: Fit, name: str, *parts: str):
 def test_a_fringe_slip_has_not_converged():
     found = fit(slipped(), MODEL, MACHINE)
     assert found.chi2_reduced > 1e3
-    assert_named(found, MISFIT, "read it with repair='slips'")
-    ((ratio, noise),) = re.findall(r"in motion are ([\d.]+) times the noise of ([\d.]+) nm; ", found.status)
-    # The noise is estimated from the record, to a percent or two.
-    assert float(noise) * 1e-9 == pytest.approx(NOISE, rel=0.03)
-    assert float(ratio) == pytest.approx(in_motion(found) / NOISE, rel=0.03)
+    assert_named(found, MISFIT, "repair of its slips would", "fit with repair='slips'")
+    ((before, after),) = re.findall(r"\(([\d.]+) nm -> ([\d.]+) pm\)", found.status)
+    assert float(before) * 1e-9 == pytest.approx(in_motion(found), rel=0.01)
+    assert float(after) * 1e-12 == pytest.approx(NOISE, rel=0.03)
+    assert sum("was tried" in told for told in found.warnings) == 1
 
 
 def test_a_record_in_reversed_time_has_not_converged_and_is_recognised():
     found = fit(reversed_in_time(), MODEL, MACHINE)
-    assert_named(found, MISFIT, "its amplitude grows with time: check the order of the samples.")
+    assert_named(found, "no free decay: growing")
     (sentence,) = (told for told in found.warnings if "The amplitude grows with time" in told)
     assert "is the time reversed, or is the mass driven?" in sentence
     # In the reversed record, the first stroke after the rest has 0.53 mm and the last one 3.62 mm.
@@ -82,7 +82,7 @@ def test_a_record_in_reversed_time_has_not_converged_and_is_recognised():
 def test_a_bound_that_keeps_the_model_from_the_record_has_not_converged():
     found = fit(coulomb_run(), MODEL, MACHINE, bounds={"mu": (0.1, None)})
     assert found.chi2_reduced > 1e8 and found.values["mu"] == 0.1
-    assert_named(found, MISFIT, "mu is held at a bound, which may be the reason: widen it.")
+    assert_named(found, MISFIT, "mu beyond its bound would", "fit with another bound of mu")
 
 
 def test_a_bound_next_to_the_optimum_is_named():
@@ -93,18 +93,21 @@ def test_a_bound_next_to_the_optimum_is_named():
     assert_named(found, "at a bound: damping. Widen the bound, fix this parameter")
 
 
+def deflected() -> Trace:
+    """Add a smooth deviation of 100 nm that no term explains."""
+    t = np.asarray(coulomb_run().t)
+    wave = np.sin(2 * np.pi * (31.0 * t + 150.0 * t**2)) * np.exp(-(((t - 0.12) / 0.05) ** 2))
+    return altered(lambda x: x + 1e-7 * wave)
+
+
 @pytest.mark.parametrize(("multiple", "described"), [(0.95 * DESCRIBED, True), (1.05 * DESCRIBED, False)])
 def test_the_multiple_of_the_noise_is_what_is_stated(multiple, described):
     """State a noise just above or below a tenth of the residuals."""
-    sigma = in_motion(fit(slipped(), MODEL, MACHINE)) / multiple
-    found = fit(slipped(sigma=sigma), MODEL, MACHINE)
+    run = deflected()
+    sigma = in_motion(fit(run, MODEL, MACHINE)) / multiple
+    found = fit(Trace(run.t, run.x, sigma=sigma), MODEL, MACHINE)
     assert in_motion(found) / sigma == pytest.approx(multiple, rel=1e-3)
-    assert found.converged == described
-    words = (
-        "They are treated as slow noise, but could also be model error." if described else "does not describe the run"
-    )
-    assert any(words in told for told in found.warnings)
-    assert described != any("does not describe" in told for told in found.warnings)
+    assert found.described == described and found.converged
 
 
 @pytest.mark.parametrize("seed", [7, 55])
@@ -121,7 +124,7 @@ def test_values_that_were_repeated_are_no_noise(seed):
     for first in random.integers(0, t.size, 2):
         x[first : first + random.integers(1, 80)] = 0.0
     found = fit((t, x), machine, MACHINE, throw=False)
-    assert_named(found, MISFIT, "read it with repair='dropouts'")
+    assert_named(found, MISFIT, "repair of its dropouts would", "repair='dropouts'")
     repaired = fit(read((t, x), repair="dropouts"), machine, MACHINE)
     assert abs(repaired.values["mu"] - 0.043) < 4 * repaired.std_errors["mu"]
 
@@ -129,7 +132,7 @@ def test_values_that_were_repeated_are_no_noise(seed):
 @pytest.mark.parametrize("mode", ["scale", "estimate"])
 def test_noise_that_is_only_relative_is_compared_with_what_the_record_shows(mode):
     assert fit(altered(lambda x: x, sigma=1.0), MODEL, MACHINE, sigma_mode=mode).converged
-    assert_named(fit(slipped(sigma=1.0), MODEL, MACHINE, sigma_mode=mode), MISFIT, "times the noise of ")
+    assert_named(fit(slipped(sigma=1.0), MODEL, MACHINE, sigma_mode=mode), MISFIT, "repair of its slips would")
 
 
 def test_a_noise_stated_too_small_is_no_misfit():
@@ -152,7 +155,7 @@ def test_a_record_without_noise_is_described_by_its_model():
 @pytest.mark.slow
 def test_outliers_are_no_misfit_under_a_robust_loss():
     squares = fit(with_outliers(), MODEL, MACHINE)
-    assert_named(squares, MISFIT, "a few outliers cause most of that", "loss='huber'")
+    assert_named(squares, MISFIT, "less weight for outliers would", "loss='huber'")
     robust = fit(with_outliers(), MODEL, MACHINE, loss="cauchy")
     assert robust.converged and abs(robust.values["mu"] - 0.05) < 4 * robust.std_errors["mu"]
     assert not any("does not describe" in told for told in robust.warnings)
@@ -164,7 +167,7 @@ def test_outliers_are_no_misfit_under_a_robust_loss():
     for mode in ("absolute", "scale"):
         told = fit(with_outliers(), MODEL, MACHINE, loss="cauchy", sigma_mode=mode)
         assert told.std_errors["mu"] == pytest.approx(clean.std_errors["mu"] / 0.95**0.5, rel=0.04)
-    assert not fit(reversed_in_time(), MODEL, MACHINE, loss="cauchy", throw=False).converged
+    assert not fit(reversed_in_time(), MODEL, MACHINE, loss="cauchy", throw=False).described
 
 
 @pytest.mark.slow
@@ -185,7 +188,7 @@ def test_a_batch_says_the_same():
     runs = [coulomb_run(), slipped(), reversed_in_time(), coulomb_run(seed=3)]
     batch = fit_batch(runs, MODEL, MACHINE)
     alone = [fit(run, MODEL, MACHINE) for run in runs]
-    assert batch.converged.tolist() == [found.converged for found in alone] == [True, False, False, True]
+    assert batch.described.tolist() == [found.described for found in alone] == [True, False, False, True]
     assert batch.optimum_found.tolist() == [True] * 4
     assert [status.split(":")[0] for status in batch.status] == [found.status.split(":")[0] for found in alone]
     assert batch.status[1] == alone[1].status
@@ -200,12 +203,12 @@ def test_a_batch_says_the_same():
 def test_a_saved_fit_keeps_its_status(tmp_path):
     found = fit(Record(slipped()), MODEL, MACHINE)
     back = load_fit(found.save(tmp_path / "fit.json"))
-    assert (back.converged, back.optimum_found, back.status) == (False, True, found.status)
+    assert (back.described, back.optimum_found, back.status) == (False, True, found.status)
 
 
 def test_comparison_and_multistart_say_the_same():
     told = compare(slipped(), [MODEL, oscillator(RIGS["sliding"], "Coulomb")], [MACHINE, ("mu", "stiffness")])
-    assert not told.best.converged and not any(row.valid for row in told.rows) and all(row.ended for row in told.rows)
-    assert "Coulomb 1 has not converged, does not describe the record" in told.summary()
+    assert not told.best.described and not any(row.valid for row in told.rows) and all(row.ended for row in told.rows)
+    assert "Coulomb 1 is not valid, does not describe: no cause found" in told.summary()
     best = multistart(slipped(), MODEL, MACHINE, starts=2).best
     assert_named(best, MISFIT)

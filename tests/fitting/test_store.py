@@ -184,7 +184,7 @@ def test_a_part_of_the_uncertainty_that_is_not_finite_has_no_share(found, part):
 
 def test_the_summary_says_what_a_reader_needs(found):
     text = found.summary()
-    assert found.status.startswith("does not describe the record: residuals of ") and not found.converged
+    assert found.status.startswith("does not describe: damping beyond its bound would (") and not found.described
     for line in (
         "Parameter",
         "natural frequency",
@@ -203,7 +203,7 @@ def test_the_summary_says_what_a_reader_needs(found):
 def test_the_html_report_holds_the_same(found):
     page = found._repr_html_()
     assert page.count("<table") == 3
-    for part in ("stiffness", "at bound", "damping is held at a bound", "dead band", "numerical error at most"):
+    for part in ("stiffness", "at bound", "damping beyond its bound", "dead band", "numerical error at most"):
         assert part in page, part
 
 

@@ -18,11 +18,11 @@ FOUND = {
         assert abs(fit.combined_std_errors["mu"] / fit.values["mu"] / 0.005 - 1) < 1e-2
         low, high = fit.intervals["mu_s"]
         assert low <= 0.065 < high
-        assert fit.converged and not naive.converged and off > 5e-4
+        assert fit.converged and not naive.described and off > 5e-4
     """,
     "02_own_pendulum": """
         assert abs(fit.values["mu"] - 0.12) < 4 * fit.std_errors["mu"] < 4 * 0.01 * 0.12
-        assert fit.converged and not linear.converged
+        assert fit.converged and not linear.described
         assert any("Pendulum()" in sentence for sentence in linear.warnings)
         assert abs(torque.value - 6e-3) < 4 * torque.std
     """,

@@ -33,7 +33,7 @@ def test_a_batch_shows_its_first_runs_their_mean_and_how_the_fits_ended(batch):
         "mu",
         fj.show.uncertain(batch.population("mu").mean, batch.population("mu").combined_std),
     ]
-    assert dict(report.facts)["runs"].startswith("24: 23 converged, 1 ")
+    assert dict(report.facts)["runs"].startswith("24: 23 described, 1 ")
     assert report.notes == ["4 more runs are in to_dataframe()."]
     assert batch.to_dict()["values"]["mu"][:23] == batch.values["mu"][:23].tolist()
     assert len(batch.to_dataframe()) == 24
@@ -112,7 +112,7 @@ def test_a_batch_is_drawn_with_its_mean_and_those_that_failed_hollow(batch):
     level = [low for low, high in heights if low == high]
     assert level == [pytest.approx(batch.population("mu").mean)]
     solid = next(line for line in axes.lines if line.get_markerfacecolor() == "#0072B2")
-    np.testing.assert_array_equal(solid.get_ydata(), batch.values["mu"][batch.converged])
+    np.testing.assert_array_equal(solid.get_ydata(), batch.values["mu"][batch.described])
 
 
 def test_the_characteristic_of_a_machine_is_its_law():

@@ -1,0 +1,1 @@
+"""Trials: refits with other models, and the outcome of a fit."""
