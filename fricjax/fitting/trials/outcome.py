@@ -84,7 +84,7 @@ def _refusal(
     better: Trial | None,
     rivals: Sequence[Trial],
 ) -> str:
-    """Return the status of a model that misses its record, else ""."""
+    """Return the status of a model that misses its record."""
     problem, solution = weighted.problem, weighted.solution
     if any(growth(window) for window in problem.windows):
         return "no free decay: growing, the amplitude is larger at the end than at the start."
@@ -168,7 +168,7 @@ def _shift(problem: Problem, solution: Solution, better: Trial) -> np.ndarray:
 
 
 def _negative(problem: Problem, solution: Solution, covariance: Covariance) -> str:
-    """Return words about negative friction or damping, if significant."""
+    """Return words about friction or damping below zero."""
     errors = np.sqrt(np.diag(covariance.statistical))
     for parameter, value, error in zip(problem.parameters, solution.derived.values, errors, strict=True):
         if parameter.kind in ("mu", "damping") and value < -thresholds.SUSPECTED * error:
@@ -177,7 +177,7 @@ def _negative(problem: Problem, solution: Solution, covariance: Covariance) -> s
 
 
 def _without_loss(problem: Problem, solution: Solution, covariance: Covariance) -> bool:
-    """Return True if all losses are free and do not differ from zero."""
+    """Return words about friction or damping below zero."""
     kinds = {parameter.kind for parameter in problem.parameters}
     if not {"mu", "damping"} <= kinds or solution.derived.machine.friction.kind != "set-valued":
         return False
@@ -187,7 +187,7 @@ def _without_loss(problem: Problem, solution: Solution, covariance: Covariance) 
 
 
 def _limit(weighted: NoiseWeighted, covariance: Covariance) -> float | None:
-    """Return the 95 % limit of the dead band if friction is zero.
+    """Return the 95 % limit of a dead band of zero.
 
     The likelihood near the bound is normal, and only positive values are possible.
     """

@@ -138,12 +138,16 @@ def _with_terms(best: Trial, noises: Sequence[Noise], base: Score) -> Iterator[T
     """Yield the model with each further term, the most promising ones first."""
     possible = list(terms(best.request, best.problem.windows[0], best.values))
     gross = unexplained(best.problem, best.solution, noises).share > thresholds.UNEXPLAINED
+    # A model that misses its record may have led to another number of half-cycles than that of the record.
+    gross = gross or half_cycles(best.problem) != tuple(window.half_cycles for window in best.problem.windows)
     promising = _by_start_values(best, possible, noises) if gross else _by_response(best, possible, noises)
-    for _, term, problem, begins in sorted(promising, key=lambda each: each[0]):
-        made = [_trial(best, term, problem, y, noises, base) for y in begins[:1]]
-        if not made[0] or not made[0].gain > best.gain + DECIDED:
-            made += [_trial(best, term, problem, y, noises, base) for y in begins[1:]]
-        trial = max(filter(None, made), key=lambda trial: trial.gain, default=None)
+    for _, term, starts in sorted(promising, key=lambda each: each[0]):
+        trial = None
+        for problem, y in starts:
+            other = _trial(best, term, problem, y, noises, base)
+            trial = max(filter(None, (trial, other)), key=lambda each: each.gain, default=None)
+            if trial is not None and trial.gain > best.gain + DECIDED and trial.solution.converged:
+                break
         if trial is not None:
             yield trial
             if trial.gain > best.gain + DECIDED and trial.white:
@@ -166,30 +170,35 @@ def _trial(
     return trial._replace(names=(*best.names, name)) if name and name not in best.names else None
 
 
-type _Start = tuple[float, Term, Problem, Sequence[np.ndarray]]
+type _Start = tuple[float, Term, Sequence[tuple[Problem, np.ndarray]]]
 
 
 def _by_response(best: Trial, possible: Sequence[Term], noises: Sequence[Noise]) -> Iterator[_Start]:
-    """Yield promising terms with rank, problem and start coordinates.
+    """Yield promising terms, each with a rank and starts.
 
     The derivatives of the motion predict the gain of each term to first order. If the residuals are small, a term
     without a predicted gain needs no trial. One model with all further forces is evaluated for all of them.
     """
     base = score(best.problem, best.solution, noises)
-    forces = [term for term in possible if term.neutral and not term.start]
+    forces = [term for term in possible if term.neutral and not term.other]
     together, values = best.request, best.values
     for term in forces:
         together, values = term.change(together), {**term.neutral, **values}
     joint = _evaluated(best, together, values) if forces else None
     for term in possible:
-        alone = None if term in forces else _evaluated(best, term.change(best.request), {**term.neutral, **best.values})
-        at = joint if term in forces else alone
+        values = {**term.neutral, **best.values}
+        at = joint if term in forces else _evaluated(best, term.change(best.request), values)
         names = [*best.problem.names, *term.neutral]
         predicted = RIVAL if at is None or not term.neutral else gain(base, score(*at, noises, names))
         if predicted >= RIVAL:
-            problem = _problem(best, term.change(best.request)) if alone is None else alone[0]
-            near = _coordinates(problem, {**term.neutral, **term.start, **best.values})
-            yield -predicted, term, problem, [near, start_coordinates(problem)] if term.start else [near]
+            yield -predicted, term, _near(best, term)
+
+
+def _near(best: Trial, term: Term) -> list[tuple[Problem, np.ndarray]]:
+    """Return starts of a term from the fitted values of a model."""
+    problem, values = _problem(best, term.change(best.request)), {**term.neutral, **best.values}
+    starts = [(problem, _coordinates(problem, values))]
+    return [*starts, (problem, _coordinates(problem, {**values, **term.other}))] if term.other else starts
 
 
 def _evaluated(best: Trial, request: Request, values: Mapping[str, float]) -> tuple[Problem, Solution] | None:
@@ -202,18 +211,20 @@ def _evaluated(best: Trial, request: Request, values: Mapping[str, float]) -> tu
 def _by_start_values(best: Trial, possible: Sequence[Term], noises: Sequence[Noise]) -> Iterator[_Start]:
     """Yield all terms likewise, for a model far from its record.
 
-    The better of these and the fitted values of the model comes first; its criterion is the rank.
+    A trial starts from the start values and half-cycles of the record, or from the fitted values of the model. The
+    criterion at the better one is the rank.
     """
     base = score(best.problem, best.solution, noises)
     for term in possible:
-        problem = _problem(best, term.change(best.request))
-        starts = start_coordinates(problem), _coordinates(problem, {**term.neutral, **term.start, **best.values})
-        ranks = []
-        for y in starts:
-            at = evaluated(problem, y)
-            ranks.append(np.inf if at is None else -gain(base, score(problem, at, noises)))
-        order = np.argsort(ranks)
-        yield ranks[order[0]], term, problem, [starts[place] for place in order]
+        near = _near(best, term)
+        far = with_counts(near[0][0], tuple(window.half_cycles for window in best.problem.windows))
+        starts = [(far, start_coordinates(far)), *near]
+        at = [evaluated(*start) for start in starts]
+        ranks = [
+            np.inf if s is None else -gain(base, score(p, s, noises)) for (p, _), s in zip(starts, at, strict=True)
+        ]
+        order = np.argsort(ranks, kind="stable")
+        yield ranks[order[0]], term, [starts[place] for place in order]
 
 
 def _problem(best: Trial, request: Request) -> Problem:

@@ -15,9 +15,9 @@ from ..names import sole_coulomb
 from ..parameters import Request
 from ..window import Window
 
-# Start values of falling friction: static over dynamic coefficient, the same for weak falling, and Stribeck velocity
-# over the largest speed.
-_STATIC, _WEAK, _FALL = 1.2, 1.02, 0.1
+# Stribeck velocity over the largest speed, and a second one. A fit starts from constant friction, which does not stop
+# the mass too early.
+_FALL, _FALL_FIRST = 0.1, 0.02
 
 
 class Term(NamedTuple):
@@ -28,14 +28,14 @@ class Term(NamedTuple):
         how: arguments that fit it, for the free coefficients.
         change: function from a request to the one that fits it.
         neutral: its coefficients, with values for which the model is the one without it.
-        start: values from which the fit starts, if others.
+        other: further values from which a fit starts; empty for a term that only adds a force.
     """
 
     name: Callable[[Mapping[str, float]], str]
     how: Callable[[Sequence[str]], str]
     change: Callable[[Request], Request]
     neutral: Mapping[str, float] = {}
-    start: Mapping[str, float] = {}
+    other: Mapping[str, float] = {}
 
 
 def terms(request: Request, window: Window, values: Mapping[str, float]) -> Iterator[Term]:
@@ -94,7 +94,7 @@ def _falling(window: Window, mu: float) -> Term:
     """Return friction that falls with velocity instead of Coulomb friction."""
     segmentation = window.segmentation
     speed = segmentation.amplitude * np.pi / segmentation.half_period
-    law = Stribeck(mu, mu_s=_STATIC * mu, v_stribeck=_FALL * speed)
+    law = Stribeck(mu, mu_s=mu, v_stribeck=_FALL * speed)
 
     def change(of: Request) -> Request:
         machine = eqx.tree_at(lambda o: o.friction, of.oscillator, law)
@@ -103,8 +103,7 @@ def _falling(window: Window, mu: float) -> Term:
 
     name = lambda at: "friction that falls with velocity" if at["mu_s"] > at["mu"] > 0 else ""
     how = lambda free: f"with friction=Stribeck(...) and free={list(free)}"
-    speed = {"v_stribeck": _FALL * speed}
-    return Term(name, how, change, {"mu_s": mu, **speed}, {"mu_s": _WEAK * mu, **speed})
+    return Term(name, how, change, {"mu_s": mu, "v_stribeck": _FALL * speed}, {"v_stribeck": _FALL_FIRST * speed})
 
 
 def changed(request: Request, machine: Oscillator, *more: str) -> Request:
