@@ -78,7 +78,7 @@ def _columns(name: str) -> tuple[str, str, str]:
 
 
 def _curves(t: np.ndarray, x: np.ndarray, residual: np.ndarray, observation: Observation) -> dict[str, np.ndarray]:
-    """Select samples to draw, and of a displacement the reversals and the stop."""
+    """Select samples to draw, the reversals, and the stop of a displacement."""
     kept = sketched(residual, _POINTS)
     curves = {"sketch_t": t[kept], "sketch_x": x[kept], "sketch_residual": residual[kept]}
     none = {**curves, "reversal_t": np.empty(0), "reversal_x": np.empty(0)}

@@ -16,7 +16,7 @@ TRUE = {"natural_frequency": FREQUENCY, "damping_ratio": RATIO, "dead_band": BAN
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """Write a gyroscope's record with and without a unit, and the positions of a tracker."""
+    """Write records of a gyroscope and of a tracker."""
     place, random = tmp_path_factory.mktemp("readings"), np.random.default_rng(1)
     t = np.arange(2000) / 100
     motion = fj.simulate(PENDULUM, 0.45, t)

@@ -122,7 +122,7 @@ def test_shapes_are_checked():
 
 @pytest.mark.parametrize("kind", ["velocity", "acceleration"])
 def test_velocities_and_accelerations_are_estimated(kind):
-    """A bias and a drift are found with the coefficients, within their standard errors."""
+    """Bias and drift are estimated with the coefficients."""
     true = fj.Oscillator(0.1, 1000.0, damping=0.05, normal_force=10.0, friction=fj.friction.Coulomb(0.01))
     start = fj.Oscillator(0.1, 1000.0, damping=0.052, normal_force=10.0, friction=fj.friction.Coulomb(0.0101))
     ts, sigma = np.linspace(1e-4, 0.25, 501), {"velocity": 1e-5, "acceleration": 1e-3}[kind]

@@ -45,7 +45,7 @@ def test_a_mass_at_rest_has_no_acceleration():
 
 
 def test_the_floor_moves_under_the_mass():
-    """Without spring, damping and friction the mass stays in space: it has minus the acceleration of its floor."""
+    """A mass without forces stays in space."""
     free = fj.Oscillator(0.4, 1e-9, 0.0, 0.0, fj.friction.Tanh(0.0, 1e-2))
     times, floor = np.linspace(0.0, 1.0, 50), np.sin(np.linspace(0.0, 1.0, 50))
     motion = fj.simulate(free, 0.0, times, base_acceleration=floor)
