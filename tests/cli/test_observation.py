@@ -47,6 +47,11 @@ def test_a_gyroscope_is_fitted_as_a_velocity(fricjax, folder, file, options):
     check_kinematics(outcome)
 
 
+def test_the_drift_of_a_velocity_can_be_bounded(fricjax, folder):
+    called = fricjax("fit", folder / "gyro.csv", "--restoring", "pendulum", "--bounds", "drift=-1e-5:1e-5", "--json")
+    assert abs(json.loads(called.out)["values"]["drift"]) <= 1e-5
+
+
 @pytest.mark.parametrize("command", ["inspect", "fit"])
 def test_a_velocity_without_a_unit_is_an_error_that_names_the_option(fricjax, folder, command):
     called = fricjax(command, folder / "bare.csv")
