@@ -1,10 +1,12 @@
 """Response to a missing force, against the difference of two simulated motions."""
 
+import dataclasses
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from fricjax import Oscillator, fit, simulate, synthetic_run
+from fricjax import Observation, Oscillator, fit, observe, simulate, synthetic_run
 from fricjax.fitting.derived import derive
 from fricjax.fitting.responses import responses
 from fricjax.friction import Coulomb, Dahl, Stribeck
@@ -70,3 +72,29 @@ def _fitted(measured: np.ndarray, columns: np.ndarray) -> tuple[float, float]:
     beside = columns[:, 1:] @ np.linalg.lstsq(columns[:, 1:], measured, rcond=None)[0]
     solution = np.linalg.lstsq(columns, measured, rcond=None)[0]
     return float(np.linalg.norm(measured - columns @ solution) / np.linalg.norm(measured - beside)), float(solution[0])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["velocity", "acceleration"])
+@pytest.mark.parametrize("name", ["damping", "drag", "softening"])
+def test_a_force_moves_other_readings_as_two_simulations_differ(problem, kind, name):
+    (window,), observation = problem.windows, Observation(kind)
+    window = dataclasses.replace(window, observation=observation)
+    more, tolerance = LACKING[name]
+    reversals = window.segmentation.turning_times
+    t = np.linspace(reversals[0], reversals[-1], 1000)
+    # Near a reversal the reading may be that of either side.
+    t = t[np.min(np.abs(t[:, None] - reversals), axis=1) > 0.05 * window.segmentation.half_period]
+
+    def reading(oscillator: Oscillator, x0: float = RELEASE, later: float = 0.0) -> np.ndarray:
+        return np.asarray(observe(oscillator, simulate(oscillator, x0, ts=t - later), observation))
+
+    plain = reading(machine())
+    releases = np.stack(
+        [reading(machine(), (1 + 1e-6) * RELEASE) - plain, reading(machine(), later=1e-7) - plain], axis=1
+    )
+    known = responses(window, derive(problem.residual, jnp.zeros(len(problem.names))), set(), t - window.origin)
+    ((names, effect),) = [pair for pair in zip(known.forces, known.effects.T, strict=True) if name in pair[0]]
+    left, size = _fitted(reading(more) - plain, np.column_stack([effect, releases]))
+    # The phases of the response are a thirtieth of a half-cycle apart, and its amplitude that of the displacement.
+    assert names[size < 0] == name and left < 3 * tolerance
