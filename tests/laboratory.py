@@ -33,8 +33,23 @@ def write_run(path: Path, record: fj.Record) -> None:
     write_table(path, **{"Time [s]": record.t, "Displacement [mm]": 1e3 * record.x})
 
 
+def write_pendulum(folder: Path) -> None:
+    """Write the records of a gyroscope and of a tracker."""
+    law, spring = fj.friction.Coulomb(0.088), fj.restoring.Pendulum()
+    pendulum = fj.Oscillator(1.0, 28.8, 0.016, 1.0, law, restoring=spring)
+    t, random = np.arange(2000) / 100, np.random.default_rng(1)
+    motion = fj.simulate(pendulum, 0.4, t)
+    rate = np.asarray(motion.v) + 0.02 + 3e-3 * random.standard_normal(t.size)
+    write_table(folder / "gyro.csv", **{"time (s)": t, "angular_velocity": rate})
+    x, y = (0.42 * part + 5e-4 * random.standard_normal(t.size) for part in (np.sin(motion.x), -np.cos(motion.x)))
+    np.savetxt(
+        folder / "tracker.txt", np.column_stack([t, x, y]), delimiter="\t", header="t (s)\tx (m)\ty (m)", comments=""
+    )
+
+
 def write_files(folder: Path) -> None:
-    """Write runs, a sheet, volts, bare angles, and a folder of runs."""
+    """Write runs, a sheet, volts, angles, a pendulum, and a folder."""
+    write_pendulum(folder)
     several = [run(x0=x0, seed=seed) for seed, x0 in enumerate((1e-3, 2e-3, 2.9e-3))]
     for number, record in enumerate(several, 1):
         write_run(folder / f"run{number}.csv", record)

@@ -104,7 +104,7 @@ def main() -> None:
 
 
 def row(name: str, sensor: Sensor, records: int) -> str:
-    """Fit all records of a sensor and return their line of the table."""
+    """Fit all records of a sensor; return a line of the table."""
     errors, differences, times, converged = [], [], [], 0
     for seed in range(records):
         each = case(sensor, seed)

@@ -209,11 +209,10 @@ def _pictures_of(record: Record | Exception, segmentation: Segmentation | None) 
     with contextlib.suppress(DataError):
         segmentation = segmentation or record.segmentation
         points, gain = segmentation.turning_points - equilibrium(segmentation), segmentation.gain
+        # Only a displacement shows its reversals as turning points.
         if record.observation.kind == "displacement":
-            middle, shown = equilibrium(segmentation), points
-        else:
-            shown = np.interp(segmentation.turning_times, record.t[known], x[known]) - middle
-        facts["reversal_t"], facts["reversal_x"] = segmentation.turning_times - record.t[0], shown
+            middle = equilibrium(segmentation)
+            facts["reversal_t"], facts["reversal_x"] = segmentation.turning_times - record.t[0], points
         if points.size:
             # In the unit of the reading, like the other columns.
             facts["amplitude"] = gain * abs(float(points[0]))

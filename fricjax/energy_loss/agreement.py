@@ -17,7 +17,7 @@ import numpy as np
 from .. import thresholds
 from ..data import Record
 from ..data.gather import gather
-from ..data.record import listed
+from ..data.record import check_displacement, listed
 from ..errors import DataError, UsageError
 from ..estimation.covariance import COVERAGE
 from ..fitting import fit_batch
@@ -256,6 +256,7 @@ def _moved(records: Sequence[Record]) -> Pairs:
     """Return the pairs of all runs that move after their first reversal."""
     usable = []
     for record in records:
+        check_displacement(record, "a final displacement")
         try:
             pair = pairs_of([record])
         except DataError:

@@ -11,11 +11,13 @@ import optimistix as optx
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
+from ..data.observation import Observation, observed_as
 from ..errors import UsageError, check_choice, check_type
 from ..estimation.levenberg_marquardt import LevenbergMarquardt
 from ..estimation.passes import residual_and_jacobian
 from ..numbers import real
 from ..oscillator.engines.base import AbstractEngine
+from ..oscillator.observed import observe
 from ..oscillator.oscillator import Oscillator, leaves_of
 from ..oscillator.select import half_cycle_capacity, select_engine
 from ..oscillator.session import ready
@@ -23,7 +25,7 @@ from ..oscillator.simulate import motion_of
 from ..thresholds import SURE
 from .names import chosen
 
-_NUISANCES = ("x0", "v0", "offset")
+_NUISANCES = ("x0", "v0", "offset", "drift")
 # The derivatives hold at the optimum, so the last step is far below a standard error.
 _TOLERANCE = 1e-5
 
@@ -65,6 +67,7 @@ def estimate(
     sigma: ArrayLike = 1.0,
     mask: ArrayLike | None = None,
     engine: str | AbstractEngine = "auto",
+    observation: str | Observation = "displacement",
     solver: optx.AbstractLeastSquaresSolver | None = None,
 ) -> Estimate:
     """Estimate coefficients by least squares; a pure function.
@@ -74,21 +77,25 @@ def estimate(
     not divide the record into half-cycles, does not analyse the noise, and prints no messages.
 
     Args:
-        x: measured displacement [m], shape (samples,).
+        x: measured displacement [m], or another reading, shape (samples,).
         ts: times after the release [s], shape (samples,).
         oscillator: the fixed coefficients, and the start values of the free ones.
         names: free coefficients of the oscillator.
-        x0: displacement at time zero [m], fixed or the start value; None uses the first sample.
-        nuisance: free parameters of the record: any of "x0", "v0" (velocity at time zero) and "offset" (zero point).
+        x0: displacement at time zero [m], fixed or the start value; None uses the first sample of a displacement.
+        nuisance: free parameters of the record: any of "x0", "v0" (velocity at time zero), "offset" (zero point or
+            bias) and "drift" (change of the offset per second).
         half_cycles: number of half-cycles before the stop. None uses the rest condition of the law. Start values that
             are off by ten percent may otherwise lead to the optimum of another number, where `converged` is False.
-        sigma: standard deviation of the noise [m], one number or shape (samples,).
+        sigma: standard deviation of the noise of the reading, one number or shape (samples,).
         mask: True for the samples to use, shape (samples,).
         engine: as in :func:`fricjax.simulate`.
+        observation: map from the motion to the reading: "displacement", "velocity", "acceleration", or an
+            :class:`fricjax.Observation`.
         solver: least-squares solver of optimistix; None for Levenberg-Marquardt with a statistical stopping rule.
 
     Raises:
-        UsageError: unknown or repeated names, or coefficients that no record can separate.
+        UsageError: unknown or repeated names, coefficients that no record can separate, or a reading other than a
+            displacement without `x0`.
         ValueError: `x` and `ts` of different shapes, or an engine that cannot integrate this oscillator.
 
     Examples:
@@ -126,6 +133,9 @@ def estimate(
 
     leaves, structure = jax.tree.flatten(oscillator)
     places = tuple(leaf.index for leaf in free)
+    observed = observed_as(observation, "m")
+    if x0 is None and observed.kind != "displacement":
+        raise UsageError(f"A {observed.kind} does not show the displacement at time zero: give x0.")
     start = x[0] if x0 is None else jnp.asarray(x0, float)
     # Under jax.jit even an element of a constant array on the device is traced.
     duration = None if isinstance(ts, Tracer) else float(np.asarray(ts)[-1])
@@ -145,6 +155,7 @@ def estimate(
         places,
         tuple(nuisance),
         structure,
+        observed,
         (x, ts, [jnp.asarray(leaf, float) for leaf in leaves], start, weights, count),
         jnp.sum(used),
     )
@@ -165,6 +176,7 @@ def _optimum(
     places: tuple[int, ...],
     nuisance: tuple[str, ...],
     structure: Any,
+    observation: Observation,
     args: tuple,
     used: Int[Array, ""],
 ) -> tuple[Array, Array, Array, Array]:
@@ -176,6 +188,7 @@ def _optimum(
         places: indices of the free leaves of the oscillator.
         nuisance: free parameters of the record.
         structure: pytree structure of the oscillator.
+        observation: map from the motion to the reading.
         args: record, times, leaves of the oscillator, displacement at time zero, weights, and number of half-cycles.
         used: number of samples with a weight.
 
@@ -184,8 +197,13 @@ def _optimum(
     """
     x, _, leaves, start, weights, _ = args
     frequency = jax.tree.unflatten(structure, leaves).angular_frequency
-    starts = {"x0": start, "v0": jnp.zeros(()), "offset": jnp.zeros(())}
-    sizes = {"x0": jnp.abs(start), "v0": jnp.abs(start) * frequency, "offset": jnp.abs(start)}
+    starts = {name: jnp.zeros(()) for name in _NUISANCES} | {"x0": start}
+    sizes = {
+        "x0": jnp.abs(start),
+        "v0": jnp.abs(start) * frequency,
+        "offset": jnp.abs(start) * observation.gain(frequency),
+    }
+    sizes["drift"] = sizes["offset"] * frequency
     first = [*(leaves[i] for i in places), *(starts[name] for name in nuisance)]
     scale = [*(jnp.where(leaf == 0, 1.0, jnp.abs(leaf)) for leaf in first[: len(places)]), *map(sizes.get, nuisance)]
     # The optimum does not depend on the start of the search or on the units.
@@ -199,7 +217,7 @@ def _optimum(
         record = starts | {"x0": start} | dict(zip(nuisance, (y * scale)[len(places) :], strict=True))
         machine = jax.tree.unflatten(structure, leaves)
         motion = motion_of(engine, machine, record["x0"], record["v0"], None, ts, None, half_cycles)
-        return (x - motion.x - record["offset"]) * weights
+        return (x - observe(machine, motion, observation) - record["offset"] - record["drift"] * ts) * weights
 
     dof = used - first.size
     unbounded = jnp.full(first.shape, jnp.inf)

@@ -58,7 +58,10 @@ def check_settings(model: Model, free: Sequence[str], runs: int, settings: Mappi
     start = settings["start"]
     if isinstance(start, str):
         check_start(start)
-    nuisances = nuisances_of(start if isinstance(start, str) else "seconds", settings["nuisance"], model.keeps_memory)
+    # The record may be a velocity, which has a drift by default.
+    named = [name.split("[")[0] for key in ("bounds", "guess", "priors") for name in settings[key]]
+    mode = start if isinstance(start, str) else "seconds"
+    nuisances = nuisances_of(mode, settings["nuisance"], model.keeps_memory, drifts="drift" in named)
     kept, _ = chosen(free, model.leaves, model.bracketable)
     names = [leaf.name for leaf in kept] + [name for run in range(runs) for name in run_names(nuisances, run, runs)]
     check_names(settings["bounds"], names, "Bounds")

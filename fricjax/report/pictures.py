@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from ..data.observation import observation_of
+from ..data.units import DISPLACEMENT
 from .columns import numbers, packed, typical_unit
 
 if TYPE_CHECKING:
@@ -62,7 +64,7 @@ def pictures(frame: "DataFrame", quantity: str) -> tuple[dict[str, Any], list[st
 
     Args:
         frame: a table with the columns ``sketch_*`` and ``reversal_*``, lists of numbers.
-        quantity: unit of the displacement, "m" or "rad".
+        quantity: unit of the reading, such as "m", "rad" or "rad/s".
 
     Returns:
         The description of the bytes, and the bytes as base64, one text per block of runs. The friction of half-cycles
@@ -86,6 +88,7 @@ def pictures(frame: "DataFrame", quantity: str) -> tuple[dict[str, Any], list[st
         friction = mu / dead_band if as_mu else np.full(len(frame), factor_b)
     about = {
         "curves": CURVES,
+        "name": "Displacement" if quantity in DISPLACEMENT else observation_of({"quantity": quantity}).name,
         "units": {"t": "s", "x": unit_x, "residual": unit_r, "speed": unit_v, "friction": "" if as_mu else unit_b},
         # Factor from the unit of residuals to the unit of displacements.
         "residualUnit": factor_x / factor_r,

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..archive.study import name_of
 from ..data import Record
+from ..data.observation import Observation
 from ..errors import DataError
 from ..fitting import Fit
 from ..show.thumbnail import sketched
@@ -69,21 +70,24 @@ def _row(fit: Fit, run: int) -> dict[str, Any]:
         "duration": float(np.ptp(t)),
         "load": float(fit.oscillator.normal_force),
     }
-    return row | _curves(t, x - equilibrium, residual)
+    return row | _curves(t, x - equilibrium, residual, fit.observation)
 
 
 def _columns(name: str) -> tuple[str, str, str]:
     return name, f"{name}_std", f"{name}_combined_std"
 
 
-def _curves(t: np.ndarray, x: np.ndarray, residual: np.ndarray) -> dict[str, np.ndarray]:
-    """Select samples to draw, the reversals, and the stop."""
+def _curves(t: np.ndarray, x: np.ndarray, residual: np.ndarray, observation: Observation) -> dict[str, np.ndarray]:
+    """Select samples to draw, the reversals, and the stop of a displacement."""
     kept = sketched(residual, _POINTS)
     curves = {"sketch_t": t[kept], "sketch_x": x[kept], "sketch_residual": residual[kept]}
+    none = {**curves, "reversal_t": np.empty(0), "reversal_x": np.empty(0)}
+    if observation.kind != "displacement":
+        return none
     try:
         decay = Record(t, x).segmentation
     except DataError:
-        return {**curves, "reversal_t": np.empty(0), "reversal_x": np.empty(0)}
+        return none
     stop = [] if decay.rest is None or decay.rest_position is None else [(decay.rest, decay.rest_position)]
     reversals = np.array([*zip(decay.turning_times, decay.turning_points, strict=True), *stop]).reshape(-1, 2)
     return {**curves, "reversal_t": reversals[:, 0], "reversal_x": reversals[:, 1]}

@@ -16,7 +16,7 @@ TRUE = {"natural_frequency": FREQUENCY, "damping_ratio": RATIO, "dead_band": BAN
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """Write a gyroscope's record with and without a unit, and the positions of a tracker."""
+    """Write records of a gyroscope and of a tracker."""
     place, random = tmp_path_factory.mktemp("readings"), np.random.default_rng(1)
     t = np.arange(2000) / 100
     motion = fj.simulate(PENDULUM, 0.45, t)
@@ -45,6 +45,11 @@ def test_a_gyroscope_is_fitted_as_a_velocity(fricjax, folder, file, options):
     assert called.code == 0 and outcome["quantity"] == "rad/s"
     assert abs(outcome["values"]["offset"] - 0.02) < 4 * outcome["std_errors"]["offset"]
     check_kinematics(outcome)
+
+
+def test_the_drift_of_a_velocity_can_be_bounded(fricjax, folder):
+    called = fricjax("fit", folder / "gyro.csv", "--restoring", "pendulum", "--bounds", "drift=-1e-5:1e-5", "--json")
+    assert abs(json.loads(called.out)["values"]["drift"]) <= 1e-5
 
 
 @pytest.mark.parametrize("command", ["inspect", "fit"])

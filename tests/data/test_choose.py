@@ -140,7 +140,7 @@ def test_what_no_fit_can_use_is_refused_with_the_reason():
     check_rows(check, REFUSED)
 
 
-# Titles of columns, with the SI unit of the reading and the value of 1 in it; no unit for those that lack one.
+# Titles of columns, with the SI unit of the reading and the value of 1 in it; None without a unit.
 READINGS = {
     "acceleration (g)": ("m/s^2", 9.80665),
     "accelerometer [mg]": ("m/s^2", 9.80665e-3),

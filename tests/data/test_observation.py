@@ -89,7 +89,7 @@ def test_the_noise_is_that_of_the_reading():
 
 
 def test_the_displacement_is_close_enough_to_start_from():
-    """The derived displacement follows the true one to a tenth of the amplitude."""
+    """The displacement is right to a tenth of the amplitude."""
 
     def check(kind, machine, sensor):
         record, true = run(kind, machine, **sensor), run("displacement", machine, noise=0.0)
@@ -108,7 +108,7 @@ def test_masked_samples_have_no_effect():
 
 
 def test_a_gap_is_bridged_by_the_oscillation():
-    """Across 0.6 s, half a period, the trapezoidal rule would be off by more than the amplitude."""
+    """Across half a period the trapezoidal rule would fail."""
     record = run(*SENSORS["gyroscope"][:2], **SENSORS["gyroscope"][2])
     true = run("displacement", PENDULUM, noise=0.0).x
     kept = (record.t < 5.0) | (record.t > 5.6)

@@ -107,7 +107,7 @@ def test_a_solver_of_optimistix_finds_the_same():
         (["mu", "mu"], {}, "named twice in free"),
         (["mu"], {"nuisance": ["x0", "x0"]}, "named twice in nuisance"),
         (["mu", "normal_force"], {}, "product"),
-        (["mu"], {"nuisance": ["drift"]}, "nuisance"),
+        (["mu"], {"nuisance": ["t_release"]}, "nuisance"),
     ],
 )
 def test_names_are_checked(names, options, text):
@@ -118,3 +118,25 @@ def test_names_are_checked(names, options, text):
 def test_shapes_are_checked():
     with pytest.raises(ValueError, match=r"\(1999,\) and \(2000,\)"):
         fj.estimate(X[1:], TS, start(), NAMES)
+
+
+@pytest.mark.parametrize("kind", ["velocity", "acceleration"])
+def test_velocities_and_accelerations_are_estimated(kind):
+    """Bias and drift are estimated with the coefficients."""
+    true = fj.Oscillator(0.1, 1000.0, damping=0.05, normal_force=10.0, friction=fj.friction.Coulomb(0.01))
+    start = fj.Oscillator(0.1, 1000.0, damping=0.052, normal_force=10.0, friction=fj.friction.Coulomb(0.0101))
+    ts, sigma = np.linspace(1e-4, 0.25, 501), {"velocity": 1e-5, "acceleration": 1e-3}[kind]
+    observation = fj.Observation(kind)
+    reading = np.asarray(fj.observe(true, fj.simulate(true, 2e-3, ts), observation))
+    y = reading + 0.01 + 0.002 * ts + sigma * np.random.default_rng(0).standard_normal(ts.size)
+    # An acceleration jumps at the reversals, every pi/omega.
+    kept = np.abs(np.sin(np.sqrt(1e4 - 0.25**2) * ts)) > 0.1
+    nuisance = ("x0", "offset", "drift")
+    found = fj.estimate(
+        y, ts, start, ["mu", "damping"], x0=2e-3, sigma=sigma, nuisance=nuisance, observation=kind, mask=kept
+    )
+    for name, value in {"mu": 0.01, "damping": 0.05, "x0": 2e-3, "offset": 0.01, "drift": 0.002}.items():
+        assert abs(found.values[name] - value) < 4 * found.std_errors[name], name
+    assert bool(found.converged)
+    with pytest.raises(fj.errors.UsageError, match=f"A {kind} does not show the displacement at time zero: give x0"):
+        fj.estimate(y, ts, start, ["mu"], observation=kind)

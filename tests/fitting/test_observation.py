@@ -86,7 +86,7 @@ def test_units_are_those_of_reading_and_motion(fits):
 
 
 def test_displacement_and_velocity_of_one_motion_agree(fits):
-    """Both sensors watch one motion with noise of their own, so their differences have the summed variances."""
+    """The noise of both sensors is independent, so variances add up."""
     first, second = (fits[name] for name in ("displacement", "velocity"))
     for name in FREE:
         std = np.hypot(first.std_errors[name], second.std_errors[name])

@@ -1,5 +1,7 @@
 """Derivatives of a decay by time, against closed forms and finite differences."""
 
+from typing import Any
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -14,7 +16,7 @@ X0 = 1e-3
 TIMES = np.pi / OMEGA * np.array([0.2, 0.7, 1.3, 2.4, 3.9, 4.5])
 
 
-def motion(mu=MU, stiffness=STIFFNESS, order=0, ts=TIMES, xp=np):
+def motion(mu=MU, stiffness=STIFFNESS, order=0, ts=TIMES, xp: Any = np):
     machine = fj.Oscillator(MASS, stiffness, 0.0, LOAD, fj.friction.Coulomb(mu))
     forces = tabulate(machine, ["mu", "stiffness"], speed=0.2, travel=2e-3)
     points = X0 * (-1.0) ** np.arange(6) - 2 * BAND * np.arange(6) * (-1.0) ** np.arange(6)
@@ -22,7 +24,7 @@ def motion(mu=MU, stiffness=STIFFNESS, order=0, ts=TIMES, xp=np):
 
 
 def closed(order, ts, omega=OMEGA):
-    """Return a derivative of the decay under constant friction: cosines about shifted equilibria."""
+    """Return a derivative of cosines about shifted equilibria."""
     n = np.floor(omega * ts / np.pi).astype(int)
     side = (-1.0) ** n
     swing = X0 - 2 * BAND * n - BAND
@@ -52,7 +54,7 @@ def test_columns_of_the_velocity_are_those_of_finite_differences():
     step = 1e-5
     for place, name in enumerate(("mu", "stiffness")):
         size = {"mu": MU, "stiffness": STIFFNESS}[name] * step
-        ends = [motion(**{name: value}, order=1).derivative[0] for value in _around(name, size)]
+        ends = [motion(order=1, **{name: value}).derivative[0] for value in _around(name, size)]
         slope = (ends[1] - ends[0]) / (2 * size)
         np.testing.assert_allclose(columns[:, place], slope, atol=1e-6 * np.abs(slope).max())
 

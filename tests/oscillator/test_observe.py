@@ -1,5 +1,7 @@
 """Readings of a motion, against derivatives by differences in time."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -15,6 +17,7 @@ LAWS = {
     "Tanh": (fj.friction.Tanh(0.02, 1e-2), fj.restoring.Cubic(1e4)),
     "pendulum": (fj.friction.Coulomb(0.02), fj.restoring.Pendulum()),
 }
+CAMERA = fj.Observation("projection", length=0.42, angle=0.1)
 # Between the reversals of all three.
 TIMES = np.array([0.03, 0.06, 0.17])
 
@@ -36,13 +39,13 @@ def test_the_acceleration_is_the_derivative_of_the_velocity():
 
 def test_a_mass_at_rest_has_no_acceleration():
     oscillator = machine(*LAWS["Coulomb"])
-    motion = fj.simulate(oscillator, 0.02, [50.0])
+    motion = fj.simulate(oscillator, 0.02, np.array([50.0]))
     assert bool(motion.at_rest[0]) and float(motion.x[0]) != 0.0
     assert float(fj.observe(oscillator, motion, fj.Observation("acceleration"))[0]) == 0.0
 
 
 def test_the_floor_moves_under_the_mass():
-    """Without spring, damping and friction the mass stays in space: it has minus the acceleration of its floor."""
+    """A mass without forces stays in space."""
     free = fj.Oscillator(0.4, 1e-9, 0.0, 0.0, fj.friction.Tanh(0.0, 1e-2))
     times, floor = np.linspace(0.0, 1.0, 50), np.sin(np.linspace(0.0, 1.0, 50))
     motion = fj.simulate(free, 0.0, times, base_acceleration=floor)
@@ -55,9 +58,8 @@ def test_displacement_velocity_and_projection_are_those_of_the_motion():
     motion = fj.simulate(oscillator, 0.5, TIMES)
     assert np.array_equal(fj.observe(oscillator, motion, fj.Observation()), motion.x)
     assert np.array_equal(fj.observe(oscillator, motion, fj.Observation("velocity", "rad")), motion.v)
-    camera = fj.Observation("projection", length=0.42, angle=0.1)
     expected = 0.42 * np.sin(np.asarray(motion.x) + 0.1)
-    np.testing.assert_allclose(fj.observe(oscillator, motion, camera), expected, rtol=1e-14)
+    np.testing.assert_allclose(fj.observe(oscillator, motion, CAMERA), expected, rtol=1e-14)
 
 
 def test_readings_can_be_differentiated():
@@ -71,10 +73,7 @@ def test_readings_can_be_differentiated():
 def test_other_arguments_are_refused():
     oscillator = machine(*LAWS["Coulomb"])
     motion = fj.simulate(oscillator, 0.02, TIMES)
-    for arguments in (
-        (None, motion, fj.Observation()),
-        (oscillator, None, fj.Observation()),
-        (oscillator, motion, "x"),
-    ):
+    wrong: list[tuple[Any, Any, Any]] = [(None, motion, CAMERA), (oscillator, None, CAMERA), (oscillator, motion, "x")]
+    for arguments in wrong:
         with pytest.raises(UsageError, match="must be"):
             fj.observe(*arguments)

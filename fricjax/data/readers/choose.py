@@ -324,7 +324,7 @@ def _displacement(columns: Sequence[Column], choice: Choice, source: str) -> Col
 
 
 def _without_rates(columns: list[Column]) -> list[Column]:
-    """Prefer displacements to their rates of change, and these to columns of other units."""
+    """Prefer displacements to their rates, and rates to other units."""
     rates = [column for column in columns if rate_of_change(column.last, column.unit) is not None]
     others = [column for column in columns if column not in rates]
     usable = any(column.fault is None and measures(column.unit) in (None, "m", "rad") for column in others)

@@ -98,7 +98,7 @@ def _filled(t: np.ndarray, y: np.ndarray, period: float) -> tuple[np.ndarray, np
 
 
 def _oscillation(phase: np.ndarray) -> np.ndarray:
-    """Return a straight line, and an oscillation with a linear amplitude, shape (n, 6)."""
+    """Return columns of an oscillation with linear amplitude, shape (n, 6)."""
     wave = np.stack([np.ones(phase.size), np.cos(phase), np.sin(phase)], axis=1)
     return np.concatenate([wave, phase[:, None] * wave], axis=1)
 

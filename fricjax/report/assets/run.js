@@ -52,8 +52,8 @@ function trace(curves) {
     { x: t, y: model, class: "model" },
     { x: reversal_t, y: reversal_x, class: "reversal", symbol: "dot" },
   ];
-  return figure("Displacement", `${counted(t.length, "sample")} of the record about its equilibrium, the fitted motion on them, and ${counted(reversal_t.length, "reversal")}.`,
-    plot({ x: time(curves), y: { label: axis("Displacement", "x"), limits: limits([x]) }, layers }),
+  return figure(page.pictures.name, `${counted(t.length, "sample")} of the record about its equilibrium, the fitted motion on them, and ${counted(reversal_t.length, "reversal")}.`,
+    plot({ x: time(curves), y: { label: axis(page.pictures.name, "x"), limits: limits([x]) }, layers }),
     [[layers[0], "measured"], [layers[1], "fit"], [layers[2], "reversals"]].filter(([, text]) => text !== "reversals" || reversal_t.length));
 }
 
@@ -80,7 +80,7 @@ function phasePlane({ t, x, reversal_t }) {
     return ((x[i + step] - x[i]) / after * before + (x[i] - x[i - step]) / before * after) / (before + after);
   });
   return figure("Phase plane", "Velocity, from the differences of the samples drawn, against displacement; a decay winds inwards clockwise.", plot({
-    x: { label: axis("Displacement", "x"), limits: limits([x]) },
+    x: { label: axis(page.pictures.name, "x"), limits: limits([x]) },
     y: { label: `Velocity [${page.pictures.units.x}/s]`, limits: limits([v]) },
     layers: [{ x, y: v, class: "model" }],
   }));
