@@ -364,7 +364,7 @@ def _by_name(block: _Block, place: int, names: Sequence[str]) -> np.ndarray:
 
 
 def _by_input(block: _Block, place: int, problem: Problem) -> np.ndarray:
-    """Return the derivatives of the decay by the inputs of the rig, shape (6, inputs)."""
+    """Return the derivatives of the decay by the rig, shape (6, inputs)."""
     names = [leaf.kind for leaf in leaves_of(problem.residual.oscillator)]
     # A fitted coefficient does not follow its input.
     moves = [name in COEFFICIENTS and name not in block.free for name in names]

@@ -45,7 +45,7 @@ def sketch(problem: Problem, solution: Solution, most: int | None = MOST) -> Ske
     known = np.asarray(window.trace.mask)[samples]
     at = problem.residual.run_parameters(solution.derived.values, 0)
     computed = known & (t - window.origin >= float(at["t_release"]))
-    # A chunk of runs keeps no residuals of its samples, and none are kept of samples that are not fitted.
+    # A chunk of runs keeps no residuals of its samples, and no fit keeps those of unused samples.
     if left.size and window.used[samples][computed].all():
         left = left[: window.used.size][samples] * window.sigma[samples]
     else:

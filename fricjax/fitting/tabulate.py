@@ -153,7 +153,7 @@ class TabulatedModel:
 
     @property
     def reaches_end(self) -> bool:
-        """True if the law allows all half-cycles until the end of the records."""
+        """True if the law allows all half-cycles to the end."""
         return not (self._shortened or self._stuck)
 
     @property

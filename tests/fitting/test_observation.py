@@ -228,8 +228,10 @@ POWERS = {
 @pytest.mark.parametrize("kind", POWERS)
 def test_scales_of_reading_and_time_act_by_their_powers(kind):
     scale, clock = 1e-4, 2e-4
-    uncertain = {"displacement_scale": fj.Measured(1.0, scale), "time_scale": fj.Measured(1.0, clock)}
-    rig = fj.Rig(mass=0.4, stiffness=TRUE["stiffness"], damping=TRUE["damping"], normal_force=LOAD, **uncertain)
+    rig = fj.Rig(
+        mass=0.4, stiffness=TRUE["stiffness"], damping=TRUE["damping"], normal_force=LOAD,
+        displacement_scale=fj.Measured(1.0, scale), time_scale=fj.Measured(1.0, clock),
+    )  # fmt: skip
     fit = fj.fit(record(kind), LINEAR, FREE, rig=rig)
     for name, powers in POWERS[kind].items():
         value = fit.values[name] if name in fit.values else fit.kinematics[name].value
