@@ -12,6 +12,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..estimation.covariance import Covariance
+from ..friction import QuadraticDrag
+from ..friction.base import laws_of
 from ..oscillator import Oscillator
 from ..rig import Measured
 from .residual import Residual
@@ -65,13 +67,14 @@ def derive(residual: Residual, y: Float[Array, " coordinates"]) -> Derived:
 
 def _quantities(oscillator: Oscillator) -> Float[Array, " quantities"]:
     friction = oscillator.friction.dynamic_force(oscillator.normal_force)
+    in_law = sum(law.quadratic_drag for law in laws_of(oscillator.friction) if isinstance(law, QuadraticDrag))
     return jnp.stack(
         [
             oscillator.angular_frequency / (2 * jnp.pi),
             oscillator.damping_ratio,
             oscillator.dead_band,
             friction / oscillator.mass,
-            oscillator.drag / oscillator.mass,
+            (oscillator.drag + in_law) / oscillator.mass,
         ]
     )
 
