@@ -120,8 +120,8 @@ print(linear.status)
 print(*linear.warnings, sep="\n")
 
 # %% [markdown]
-# The fit does not describe the record, and its status says so. One warning names the missing term, which fricjax
-# infers from the reversals. A pendulum is not a linear spring: released at 70°, its period is a tenth longer. Another
+# The fit does not describe the record, and its status says so. It names the missing term, which fricjax has tried. A
+# pendulum is not a linear spring: released at 70°, its period is a tenth longer. Another
 # warning concerns the zero, which drifts.
 #
 # ## Second try: a pendulum in air

@@ -1,9 +1,9 @@
-"""Check the status of fits to motions that are no free decay, that miss a term, and that are honest.
+"""Check the status of fits.
 
     python experiments/trials/run.py [--runs 10] [--only driven,missing,honest]
 
 "driven" counts driven, beating, pushed and growing motions that a fit describes: there should be none. "missing" counts
-motions with a term that the fitted model misses, for which the status names this term, another one, or none.
+motions with a term that the fitted model misses: the status may name this term, another one, or no term.
 "honest" counts records of `experiments/honesty` that lose the status "described", or for which a term is named. Records
 with outliers are fitted with a robust loss. The columns of time are CPU seconds of the trials.
 """
@@ -34,12 +34,12 @@ SPENT: list[float] = []
 
 
 def unit(**more: object) -> fj.Oscillator:
-    """Return a machine of unit mass and load, as the command line fits without a rig."""
+    """Return a machine of unit mass and load."""
     return fj.Oscillator(1.0, 1.0, 0.0, 1.0, fj.friction.Coulomb(0.01), **more)  # type: ignore[arg-type]
 
 
 def forced(t: np.ndarray, frequency: float, ratio: float, force: np.ndarray, state: tuple[float, float]) -> np.ndarray:
-    """Return the motion of a linear oscillator under a force per unit mass."""
+    """Return the motion of a linear oscillator under a force."""
     omega = 2 * np.pi * frequency
     system = lti([[0.0, 1.0], [-(omega**2), -2 * ratio * omega]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]])
     return system.output(force, t, X0=list(state))[1]
@@ -195,7 +195,7 @@ def report_missing(runs: int) -> None:
                 missed += " would (" not in status and "small" not in status
                 print(f"    {kind} {seed}: {status[:140]}")
         times = _times()
-        print(f"{kind:30s} {right:3d} right, {named} other, {missed} none of {runs}{times}", flush=True)
+        print(f"{kind:30s} {right:3d} right, {named} other, {missed} no term of {runs}{times}", flush=True)
 
 
 def report_honest(runs: int) -> None:

@@ -13,6 +13,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..estimation.covariance import Covariance
+from ..friction import QuadraticDrag
+from ..friction.base import laws_of
 from ..oscillator import Oscillator
 from ..rig import Measured
 from ..tables.interpreter import evaluate
@@ -87,13 +89,14 @@ def _traced(structure: Any, shapes: tuple[tuple[int, ...], ...], coordinates: tu
 
 def _quantities(oscillator: Oscillator) -> Float[Array, " quantities"]:
     friction = oscillator.friction.dynamic_force(oscillator.normal_force)
+    in_law = sum(law.quadratic_drag for law in laws_of(oscillator.friction) if isinstance(law, QuadraticDrag))
     return jnp.stack(
         [
             oscillator.angular_frequency / (2 * jnp.pi),
             oscillator.damping_ratio,
             oscillator.dead_band,
             friction / oscillator.mass,
-            oscillator.drag / oscillator.mass,
+            (oscillator.drag + in_law) / oscillator.mass,
         ]
     )
 

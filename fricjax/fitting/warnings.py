@@ -67,11 +67,12 @@ def warnings_of_run(
     size = f"{misfit.size:.2e} {unit} rms{' in motion' if misfit.in_motion else ''}"
     yield from misfit.faults.values()
     if misfit.ratio > thresholds.NOTICED:
-        times = f"residuals of {size} are {misfit.ratio:.3g} times the noise of {misfit.noise:.2e} {unit}"
-        if misfit.ratio > thresholds.DESCRIBED:
-            yield f"The model does not describe the run: its {times}."
-        else:
-            yield f"The {times}. They are treated as slow noise, but could also be model error."
+        # The status reports larger residuals.
+        if misfit.ratio <= thresholds.DESCRIBED:
+            yield (
+                f"The residuals of {size} are {misfit.ratio:.3g} times the noise of {misfit.noise:.2e} {unit}. They are "
+                "treated as slow noise, but could also be model error."
+            )
         yield from _on_drift(problem, misfit)
         if any(holds_release(window) for window in problem.windows):
             yield (

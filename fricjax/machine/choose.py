@@ -149,8 +149,8 @@ def choose(options: Machine, free: str | None = None, tied: Collection[str] = ()
 
     Args:
         options: rig, law and fixed coefficients.
-        free: free coefficients as ``mu,damping,mu_s=0.02`` with optional start values. None: mu, damping, and the
-            stiffness (or the mass if only the stiffness is known).
+        free: free coefficients as ``mu,damping,mu_s=0.02`` with optional start values. None: mu, damping, the stiffness
+            (or the mass if only the stiffness is known), and the drag of a law with drag.
         tied: coefficients that are tied to a free one.
     """
     fixed = _numbers("--fix", options.fix)
@@ -164,7 +164,10 @@ def choose(options: Machine, free: str | None = None, tied: Collection[str] = ()
         # The fit of a cubic spring starts from a linear one.
         starts["k3"] = 0.0
     arguments, placeholder = _arguments(options, {**fixed, **starts})
-    names = named if free is not None else [n for n in ("mu", "damping", placeholder or "stiffness") if n not in fixed]
+    ordinary = ["mu", "damping", placeholder or "stiffness"]
+    if any("quadratic_drag" in law.coefficients for law in summands(options.friction)):
+        ordinary.append("quadratic_drag")
+    names = named if free is not None else [name for name in ordinary if name not in fixed]
     choice = _choice(options, options.friction, arguments, {**fixed, **starts}, {*names, *tied})
     if placeholder and placeholder not in names:
         known = "without a rig" if placeholder == "stiffness" else "without its mass"

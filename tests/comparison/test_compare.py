@@ -163,7 +163,7 @@ def test_a_fit_that_fails_is_a_row(single):
     row = found.row("Coulomb 2")
     assert row.status.startswith("rejected: This oscillator has no coefficient 'sigma0'")
     assert found.ranking == ("Coulomb 1", "Coulomb 2")
-    assert "Coulomb 2 has not converged, rejected" in found.summary()
+    assert "Coulomb 2 is not valid, rejected" in found.summary()
     assert found.row("Coulomb 1").chi2 == pytest.approx(single.row("known").chi2, rel=1e-9)
     json.dumps(found.to_dict(), default=str)
     assert len(found.plot().axes) == 1

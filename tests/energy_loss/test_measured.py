@@ -25,7 +25,7 @@ def test_two_swings_of_one_pendulum_fitted_together():
     pendulum = fj.Oscillator(1.0, 40.0, 0.1, 1.0, fj.friction.Coulomb(0.1), restoring=fj.restoring.Pendulum())
     free = ("mu", "damping", "stiffness", "drag")
     trace = fj.fit(swings, pendulum, free, sigma_mode="scale", throw=False)
-    assert trace.optimum_found and trace.status.startswith("does not describe the record: ")
+    assert trace.optimum_found and trace.status.startswith("does not describe: ")
     losses = {name: trace.values[name] for name in ("damping", "drag", "stiffness")}
     rig = fj.Rig(mass=1.0, normal_force=1.0, restoring="pendulum", **losses)
     energy = fj.half_cycle_friction(swings, rig)

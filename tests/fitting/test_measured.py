@@ -53,17 +53,15 @@ def dry_alone(small) -> float:
 def assert_misses(found: Fit, *parts: str):
     """Check that the optimum was found but does not describe the record."""
     assert found.optimum_found and not found.described
-    for part in ("does not describe the record: residuals of ", *parts):
+    for part in ("does not describe: no cause found; ", *parts):
         assert part in found.status, found.status
 
 
 def assert_honest(found: Fit):
     """Check that the fit reports the coloured residuals of an encoder."""
     assert not found.whiteness.white
-    # Residuals of up to ten times the noise are treated as noise. Above that, status and warning report a misfit.
-    missed = found.status.startswith("does not describe the record: ")
-    words = "does not describe the run" if missed else "are treated as slow noise"
-    assert any(words in sentence for sentence in found.warnings)
+    # Residuals of up to ten times the noise are treated as noise, unless a trial is better. Otherwise the status tells.
+    assert not found.described or any("are treated as slow noise" in sentence for sentence in found.warnings)
     for name in found.names:
         assert found.std_errors[name] > 10 * found.white_std_errors[name] or "at bound" in found.flags[name], name
     assert "Statistical (white noise)" in found.summary()
@@ -97,7 +95,7 @@ def test_small_swing_with_viscous_friction_alone_is_as_bad_as_it_is(small, small
     assert_honest(found)
     assert found.problem is not None
     in_motion = np.sqrt(np.mean(found.residuals[found.problem.windows[0].moving] ** 2))
-    assert f"{in_motion:.2e} rad rms in motion" in found.summary() and in_motion > found.residual_rms
+    assert not found.described and in_motion > found.residual_rms
 
 
 @pytest.fixture(scope="module")
@@ -112,20 +110,19 @@ def test_large_swing_with_drag_and_bounded_damping(large_bounded, dry_alone):
     assert large_bounded.kinematics["friction_deceleration"].value == pytest.approx(dry_alone, rel=0.05)
     assert large_bounded.kinematics["drag_rate"].value == pytest.approx(0.0040, rel=0.05)
     assert large_bounded.values["damping"] == 0.0 and large_bounded.flags["damping"] == ("at bound",)
-    assert_misses(large_bounded, "damping is held at a bound, which may be the reason: widen it.")
+    assert_misses(large_bounded, "residuals of 7.39 mrad are 212 times the noise")
     assert_honest(large_bounded)
 
 
 @pytest.mark.slow
 def test_large_swing_without_the_bound_warns_of_negative_damping(large, large_bounded):
     found = fit(large, pendulum(drag=0.004), (*FREE, "drag"))
-    assert_misses(found, "choose another law")
+    assert_misses(found, "damping is negative by ")
     assert found.residual_rms == pytest.approx(2.8e-3, rel=0.05)
     assert found.values["damping"] == pytest.approx(-0.028, rel=0.1)
     assert found.values["mu"] == pytest.approx(0.234, rel=0.05)
-    assert any("The damping is negative" in sentence for sentence in found.warnings)
-    assert "The damping is negative" in found.summary()
-    assert not any("negative" in sentence for sentence in large_bounded.warnings)
+    assert "damping is negative" in found.summary()
+    assert "negative" not in large_bounded.summary()
 
 
 @pytest.mark.slow

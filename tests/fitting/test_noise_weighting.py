@@ -180,7 +180,7 @@ def test_a_model_that_misses_the_record_is_not_whitened():
     run = coulomb_run()
     x = np.where(np.arange(run.n) < 500, run.x, np.asarray(run.x) + 3e-7)
     found = fit(Trace(run.t, x, sigma=1e-9), oscillator(RIGS["sliding"], "Coulomb"), MACHINE)
-    assert found.status.startswith("does not describe the record")
+    assert found.status.startswith("does not describe: ")
     assert all(found.std_errors[name] > 10 * found.white_std_errors[name] for name in MACHINE)
 
 

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import numpy as np
 
 from ...friction import Stribeck
@@ -53,6 +54,9 @@ def terms(request: Request, window: Window, values: Mapping[str, float]) -> Iter
     if "drag" not in fitted and "quadratic_drag" not in present:
         name = lambda at: "quadratic drag" if at["drag"] > 0 else ""
         yield Term(name, freed, lambda of: changed(of, of.oscillator, "drag"), {"drag": float(machine.drag)})
+    for leaf in leaves_of(machine):
+        if leaf.kind == "quadratic_drag" and leaf.kind not in fitted:
+            yield _freed_drag(leaf.name, float(jax.tree.leaves(machine)[leaf.index]))
     if not {"damping", "sigma2", "eta_h"} & fitted:
         name = lambda at: "viscous damping" if at["damping"] > 0 else ""
         yield Term(name, freed, lambda of: changed(of, of.oscillator, "damping"), {"damping": float(machine.damping)})
@@ -64,6 +68,13 @@ def terms(request: Request, window: Window, values: Mapping[str, float]) -> Iter
     alone = sole_coulomb(machine.friction) is machine.friction
     if alone and "mu" in request.free and values.get("mu", 0.0) > 0:
         yield _falling(window, values["mu"])
+
+
+def _freed_drag(name: str, value: float) -> Term:
+    """Return the drag of a law that is not free."""
+    words = lambda at: "quadratic drag" if at[name] > 0 else ""
+    how = lambda free: f"with free={list(free)}"
+    return Term(words, how, lambda of: changed(of, of.oscillator, name), {name: value})
 
 
 def _unbounded(name: str) -> Term:
