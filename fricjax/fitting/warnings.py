@@ -70,8 +70,8 @@ def warnings_of_run(
         # The status reports larger residuals.
         if misfit.ratio <= thresholds.DESCRIBED:
             yield (
-                f"The residuals of {size} are {misfit.ratio:.3g} times the noise of {misfit.noise:.2e} {unit}. They are "
-                "treated as slow noise, but could also be model error."
+                f"The residuals of {size} are {misfit.ratio:.3g} times the noise of {misfit.noise:.2e} {unit}. They "
+                "are treated as slow noise, but could also be model error."
             )
         yield from _on_drift(problem, misfit)
         if any(holds_release(window) for window in problem.windows):
