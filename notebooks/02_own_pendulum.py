@@ -147,8 +147,8 @@ for name, each in (("linear", linear), ("pendulum", fit)):
     print(f"{name:<8} mu = {mu}, error {100 * (each.values['mu'] / true - 1):+.1f} %")
 
 # %% [markdown]
-# Try the fit without drag. It converges, but mu comes out a tenth too low, with an error bar of 2 %. Only a warning
-# and the residuals, 1.8 times as large as the noise, show that the model is incomplete.
+# Try the fit without drag. It converges, but mu comes out a tenth too low. `described` states whether another term is
+# needed.
 #
 # The second table contains the deceleration by friction, which needs no rig. Its product with the moment of inertia is
 # the friction torque of the bearing. `propagate` combines the uncertainties of both:

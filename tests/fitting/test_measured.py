@@ -60,7 +60,7 @@ def assert_misses(found: Fit, *parts: str):
 def assert_honest(found: Fit):
     """Check that the fit reports the coloured residuals of an encoder."""
     assert not found.whiteness.white
-    # Residuals of up to ten times the noise are treated as noise, unless a trial is better. Otherwise the status tells.
+    # Residuals of up to ten times the noise are treated as noise, unless a trial is better.
     assert not found.described or any("are treated as slow noise" in sentence for sentence in found.warnings)
     for name in found.names:
         assert found.std_errors[name] > 10 * found.white_std_errors[name] or "at bound" in found.flags[name], name

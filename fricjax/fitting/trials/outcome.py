@@ -91,7 +91,9 @@ def _refusal(
     if better is not None and _is_material(weighted, covariance, misfit, left, better):
         names = " or ".join([" and ".join(better.names), *(trial.names[-1] for trial in rivals)])
         return f"does not describe: {names} would ({_sizes(problem, better, ' -> ')}); fit {better.how}."
-    if left.share > thresholds.UNDESCRIBED:
+    if left.share > thresholds.UNDESCRIBED or (
+        left.share > thresholds.UNEXPLAINED and left.late > thresholds.UNDESCRIBED
+    ):
         return _no_free_decay(problem, solution, left)
     negative = _negative(problem, solution, covariance)
     if negative:

@@ -25,6 +25,7 @@ class Unexplained(NamedTuple):
         run: number of the run.
         at_rest: True if the rest has the larger residuals.
         frequency: main frequency of the residuals [Hz].
+        late: share in the last third of the motion; a drive shows there.
     """
 
     size: float
@@ -32,6 +33,7 @@ class Unexplained(NamedTuple):
     run: int
     at_rest: bool
     frequency: float
+    late: float
 
 
 def unexplained(problem: Problem, solution: Solution, noises: Sequence[Noise]) -> Unexplained:
@@ -52,7 +54,12 @@ def _of_run(problem: Problem, solution: Solution, run: int, noise: Noise) -> Une
     moving, rest = series.t <= window.stopped, series.t > window.stopped + window.segmentation.half_period / 2
     sizes = [float(np.sqrt(_slow(residual[part]) / rows.samples)) * window.stated for part in (moving, rest)]
     size = max(sizes)
-    return Unexplained(size, size / swing, run, sizes[1] > sizes[0], _frequency(series.t, residual))
+    begin = float(np.quantile(series.t[moving], 2 / 3)) if moving.any() else 0.0
+    last = moving & (series.t >= begin)
+    t = np.asarray(window.trace.t)[window.moving] - window.origin
+    least = max(float(np.std(x[t >= begin])) if np.any(t >= begin) else swing, np.finfo(float).tiny)
+    late = float(np.sqrt(_slow(residual[last]) / rows.samples)) * window.stated / least
+    return Unexplained(size, size / swing, run, sizes[1] > sizes[0], _frequency(series.t, residual), late)
 
 
 def _slow(residual: np.ndarray) -> float:
