@@ -39,7 +39,7 @@ EXTREME = 6.0
 BARE_MENTION = 2.0
 """Below this value the two are equally good. Convention: Kass and Raftery, J. Am. Stat. Assoc. 90, 773 (1995)."""
 VERY_STRONG = 10.0
-"""Above this value the noise is coloured, drifts or hums, or the model misses a force. Convention, as above: about one
+"""Above this value the noise is coloured, drifts or hums, or a term is missing. Convention, as above: about one
 in a hundred records of white noise is called coloured."""
 DECISIVE = 12.0
 """Above this value an alternative number of half-cycles is excluded, with odds of 400 to 1.

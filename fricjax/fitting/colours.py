@@ -132,18 +132,6 @@ def _or_floor_noise(problem: Problem, at: Solution, run: int, row: Rows, colour:
     return colour if _criterion(known) > _criterion(other) else floor
 
 
-def white_floor_noise(problem: Problem, at: Solution, run: int, row: Rows) -> Seen | None:
-    """Return the rows of a run with floor vibration as their noise.
-
-    The kicks are white. Return None if the rest is too short or not white.
-    """
-    if not _is_quiet(row.series.residual[_at_rest(problem.windows[run], row)]):
-        return None
-    colour = _fit_floor(problem, at, run, _identified(row, at.shape.at_bound).series)
-    # An autoregressive process for the kicks could absorb a force that acts in all half-cycles.
-    return None if colour is None else Seen(row, colour._replace(shape=np.zeros(0), shape_std=1.0))
-
-
 def _is_quiet(resting: np.ndarray) -> bool:
     """Return True if a rest can separate floor vibration from model error.
 
