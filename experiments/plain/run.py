@@ -1,4 +1,4 @@
-"""Count the records that pass for plain, over kinds of noise and small disturbances.
+"""Count records that pass as plain, for many kinds of noise.
 
 Records of the rolling rig (Coulomb friction) get each kind of noise of `experiments/honesty/records.py`. A kind is
 white if its name begins with "white" and its samples are not rounded. The second table adds disturbances of rising
