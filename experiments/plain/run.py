@@ -35,7 +35,7 @@ Disturbance = Callable[[np.ndarray, np.ndarray, np.random.Generator], np.ndarray
 
 
 def fits_of(x: list[np.ndarray], sigma: float | None) -> list[PlainFits]:
-    """Fit records in blocks; stiffness and damping of the machine are a few per cent off."""
+    """Fit records in blocks, from an inexact machine."""
     start = {**MACHINE, "stiffness": 1.02 * MACHINE["stiffness"], "damping": 1.2 * MACHINE["damping"]}
     made = []
     for begin in range(0, len(x), BLOCK):

@@ -109,7 +109,8 @@ def test_a_fit_as_parameters_goes_round(runs, fit):
     assert parameters["mu"].correl["damping"] == pytest.approx(fit.correlation[i, j])
     assert not parameters["mass"].vary and parameters["mass"].value == 0.4
     again = fj.fit(runs[0], MACHINE, parameters, rig=RIG)
-    assert again.engine == fit.engine == "tables"
+    # Parameters of lmfit have bounds, and a plain fit has none.
+    assert (fit.engine, again.engine) == ("exact", "tables")
     for name in fit.names:
         assert again.values[name] == pytest.approx(fit.values[name], abs=1e-2 * fit.std_errors[name])
 
