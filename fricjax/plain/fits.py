@@ -285,17 +285,20 @@ class _Block(NamedTuple):
         One more and one less are evaluated as well; their sums of squares are predicted after a Gauss-Newton step.
         Arguments as for `stepped`.
         """
-        stops, squares, stopping = [], [], self.stop < NEVER
+        stopping = self.stop < NEVER
+        stop, rise = self.stop.copy(), np.full(self.runs.size, np.inf)
+        if not stopping.any():
+            return self._replace(second_best=rise), stopping
+        some, stops, squares = self.only(stopping), [], []
         for change in (-1, 0, 1):
-            rival = self._replace(stop=np.where(stopping, np.maximum(self.stop + change, 1), NEVER))
+            rival = some._replace(stop=np.maximum(some.stop + change, 1))
             solved = rival.solve(x, dt)
-            left = np.sum(solved.at.of_samples(x[self.runs]) ** 2, axis=1)
+            left = np.sum(solved.at.of_samples(x[some.runs]) ** 2, axis=1)
             left = left - np.sum(solved.step * solved.gradient, axis=1)
             stops.append(rival.stop)
             squares.append(np.where(np.isfinite(left), left, np.inf))
-        stop = np.choose(np.argmin(squares, axis=0), stops)
         least, second = np.sort(squares, axis=0)[:2]
-        rise = np.where(stopping, second - least, np.inf)
+        stop[stopping], rise[stopping] = np.choose(np.argmin(squares, axis=0), stops), second - least
         changed = stop != self.stop
         return self._replace(stop=stop, second_best=np.where(changed, 0.0, rise)), changed
 
