@@ -193,7 +193,9 @@ def _even_samples(record: Record, start: str | float) -> _Even | None:
 def _suits(request: Request) -> bool:
     """Return True if a plain fit can answer a request."""
     machine, law, names = request.oscillator, request.oscillator.friction, set(request.free)
-    fits = isinstance(law, Coulomb) and isinstance(machine.restoring, Linear) and float(machine.drag) == 0
+    # A law of a user may derive from Coulomb's.
+    fits = type(law) is Coulomb and type(machine.restoring) is Linear and float(machine.drag) == 0
+    positive = all(np.isfinite(value) and (value > 0 or name not in names) for name, value in request.guess.items())
     determined = not ({"mass", "stiffness"} <= names or {"mu", "normal_force"} <= names)
     special = (request.bounds, request.priors, request.tie)
     uncertain = set() if request.rig is None else set(request.rig.inputs())
@@ -204,6 +206,8 @@ def _suits(request: Request) -> bool:
         and names <= set(COEFFICIENTS)
         and determined
         and len(names) == len(request.free)
+        and positive
+        and request.guess.keys() <= {*names, *RUN_COEFFICIENTS}
         and not any(special)
         and uncertain.isdisjoint({*READING, "drag"})
         and usual is not None

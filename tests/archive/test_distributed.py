@@ -158,10 +158,11 @@ def test_a_worker_that_joins_compiles_nothing(runs, expected, address, tmp_path)
         while "late" not in [each["name"] for each in client.scheduler_info()["workers"].values()]:
             time.sleep(0.05)
         asked = [client.submit(compiled, Work(study), each, workers=["late"], pure=False) for each in (chunk, other)]
-        (first, found, made), (second, _, more) = [each.result() for each in asked]
+        (first, _, made), (second, _, more) = [each.result() for each in asked]
         end(process)
     assert first == second == ["ok"]
-    assert found > 0 and made == more == 0
+    # Plain runs need no program at all.
+    assert made == more == 0
 
 
 @pytest.mark.slow

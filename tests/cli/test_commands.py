@@ -155,7 +155,7 @@ def test_a_fit_without_finite_numbers_is_written_without_a_picture(fricjax, tmp_
     files = ("--out", tmp_path / "fit.json", "--plot", tmp_path / "fit.png")
     called = fricjax("fit", RUN, *words, *files)
     assert called.code == 3
-    assert "Error: The fit has not converged, not finite: the model fails at the start values." in called.err
+    assert "Error: The fit is not valid: not finite: the model fails at the start values." in called.err
     assert fj.load_fit(tmp_path / "fit.json").status.startswith("not finite")
     assert [path.name for path in tmp_path.iterdir()] == ["fit.json"]
 

@@ -125,7 +125,7 @@ def test_runs_that_have_not_converged_are_left_out_unless_they_are_asked_for():
     good = [coulomb_run(x0, seed=i) for i, x0 in enumerate((2e-3, 1.8e-3))]
     slipped = [fj.Trace(run.t, np.where(np.arange(run.n) < 500, run.x, run.x + 316.4e-9)) for run in good]
     batch = fj.fit_batch([*good, *slipped], oscillator(RIGS["sliding"], "Coulomb"), ("mu", "damping", "stiffness"))
-    assert batch.converged.tolist() == [True, True, False, False]
+    assert batch.described.tolist() == [True, True, False, False]
     with pytest.raises(DataError, match=r"got 2\. 2 are not described though .* only_described=False counts them"):
         batch.population("mu")
     assert batch.population("mu", only_described=False).runs == 4
