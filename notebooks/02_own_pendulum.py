@@ -120,9 +120,8 @@ print(linear.status)
 print(*linear.warnings, sep="\n")
 
 # %% [markdown]
-# The fit does not describe the record, and its status says so. It names the missing term, which fricjax has tried. A
-# pendulum is not a linear spring: released at 70°, its period is a tenth longer. Another
-# warning concerns the zero, which drifts.
+# The fit does not describe the record, and its status says so. It names two missing terms, which fricjax has tried: a
+# spring that softens, and drag. A pendulum is such a spring: released at 70°, its period is a tenth longer.
 #
 # ## Second try: a pendulum in air
 #
@@ -147,8 +146,7 @@ for name, each in (("linear", linear), ("pendulum", fit)):
     print(f"{name:<8} mu = {mu}, error {100 * (each.values['mu'] / true - 1):+.1f} %")
 
 # %% [markdown]
-# Try the fit without drag. It converges, but mu comes out a tenth too low. `described` states whether another term is
-# needed.
+# Try the fit without drag. Its status names the drag, and mu comes out a fifth too low.
 #
 # The second table contains the deceleration by friction, which needs no rig. Its product with the moment of inertia is
 # the friction torque of the bearing. `propagate` combines the uncertainties of both:

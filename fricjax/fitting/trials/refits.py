@@ -131,7 +131,20 @@ def trials(problem: Problem, solution: Solution, noises: Sequence[Noise]) -> lis
         if best.white or best.request is problem.request:
             # A repaired record needs a fit with trials.
             break
-    return [best, *rivals]
+    return [trial._replace(how=_arguments(problem.request, trial)) for trial in (best, *rivals)]
+
+
+def _arguments(asked: Request, trial: Trial) -> str:
+    """Return the arguments that fit all terms of a trial."""
+    ours, theirs = asked.oscillator, trial.request.oscillator
+    parts = []
+    if type(ours.restoring) is not type(theirs.restoring):
+        parts.append(f"restoring={type(theirs.restoring).__name__}({'0.0' if theirs.restoring.coefficients else ''})")
+    if type(ours.friction) is not type(theirs.friction):
+        parts.append(f"friction={type(theirs.friction).__name__}(...)")
+    if asked.free != trial.request.free:
+        parts.append(f"free={list(trial.request.free)}")
+    return f"with {' and '.join(parts)}" if parts else trial.how
 
 
 def _with_terms(best: Trial, noises: Sequence[Noise], base: Score) -> Iterator[Trial]:
