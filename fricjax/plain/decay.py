@@ -33,9 +33,8 @@ class FreeDecay(NamedTuple):
         stop: number of half-cycles until the mass stops; `NEVER` if it does not.
 
     Examples:
-        >>> import numpy as np
-        >>> FreeDecay(*np.zeros((6, 2)), stop=np.array([NEVER, NEVER])).coefficients.shape
-        (2, 6)
+        >>> FreeDecay(0.0, 1e-3, 0.0, 100.0, 0.0, 1e-5, NEVER).omega
+        np.float64(10.0)
     """
 
     t0: Any
@@ -47,18 +46,9 @@ class FreeDecay(NamedTuple):
     stop: Any
 
     @property
-    def coefficients(self) -> np.ndarray:
-        """All but the stop, shape (runs, 6)."""
-        return np.stack(self[:6], axis=1)
-
-    @property
     def omega(self) -> np.ndarray:
         """Damped angular frequency [rad/s], shape (runs,)."""
         return np.sqrt(self.omega2 - self.decay_rate**2)
-
-    def moved(self, step: np.ndarray) -> "FreeDecay":
-        """Return the decay after a step of the coefficients, shape (runs, 6)."""
-        return FreeDecay._make([*(self.coefficients + step).T, self.stop])
 
     def from_release(self, release: np.ndarray) -> "FreeDecay":
         """Return the decays from the releases, one half-cycle before the first reversals.
