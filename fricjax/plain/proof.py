@@ -24,9 +24,9 @@ _ARRIVED = 0.05
 _TIMING = 0.01
 
 
-def limit(chance: float = CHANCE) -> float:
-    """Return the value that a normal number exceeds with this probability."""
-    return NormalDist().inv_cdf(1 - chance)
+def limit(chance: float | None = None) -> float:
+    """Return the value that a normal number exceeds by chance."""
+    return NormalDist().inv_cdf(1 - (CHANCE if chance is None else chance))
 
 
 def chi2_limit(dof: np.ndarray | float) -> np.ndarray | float:
