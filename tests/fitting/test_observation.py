@@ -1,5 +1,7 @@
 """Fits of velocities, accelerations and filmed pendulums."""
 
+import re
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -55,6 +57,16 @@ def test_a_fit_recovers_the_machine(fits, name):
     assert fit.converged and fit.half_cycles == (8,)
     assert np.max(np.abs(deviations(fit))) < 4
     assert fit.chi2_reduced == pytest.approx(1.0, abs=0.2) and fit.numerical_shift < 0.01
+
+
+def test_a_limit_of_the_dead_band_has_the_unit_of_the_motion():
+    free = machine(fj.friction.Coulomb(0.0))
+    gyro = fj.synthetic_run(
+        free, 10e-3, rate=500.0, duration=1.5, observation=fj.Observation("velocity", "rad"), noise=3e-4, seed=1
+    )
+    # Seed 1 has its optimum at friction of zero.
+    status = fj.fit(gyro, machine(), FREE).status
+    assert re.match(r"no dry friction: dead band < [0-9.]+ [a-z]?rad \(95 %\)", status), status
 
 
 def test_a_velocity_has_bias_and_drift_as_nuisances(fits):

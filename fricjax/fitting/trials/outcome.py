@@ -130,14 +130,14 @@ def _no_free_decay(problem: Problem, solution: Solution, left: Unexplained) -> s
 
 def _description(weighted: NoiseWeighted, covariance: Covariance, left: Unexplained, better: Trial | None) -> str:
     """Return the status of a fit that describes its record."""
-    unit, status = weighted.problem.windows[left.run].quantity, "described"
+    window, status = weighted.problem.windows[left.run], "described"
     limit = _limit(weighted, covariance)
     if limit is not None:
-        status = f"no dry friction: dead band < {engineering(limit, unit)} (95 %)"
+        status = f"no dry friction: dead band < {engineering(limit, window.motion)} (95 %)"
     if better is not None:
         status += f", small {' and '.join(better.names)}"
     if left.share > thresholds.UNEXPLAINED:
-        status += f", unexplained motion of {engineering(left.size, unit)} ({100 * left.share:.2g} %)"
+        status += f", unexplained motion of {engineering(left.size, window.quantity)} ({100 * left.share:.2g} %)"
     return status
 
 
