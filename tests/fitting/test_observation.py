@@ -183,6 +183,7 @@ def test_other_settings_fit_velocities_too():
 
 def traced(residual):
     """Return the compiled residual and its derivatives."""
+    residual = jax.tree.map(jnp.asarray, residual)
     return jax.jit(lambda y: residual(y)), jax.jit(jax.jacfwd(lambda y: residual(y)))
 
 
