@@ -37,7 +37,7 @@ class Trial(NamedTuple):
 
     Attributes:
         names: its terms, in the order in which they were added.
-        how: arguments that fit the last one.
+        how: arguments that fit it.
         request: request of the fit.
         problem, solution: problem and its optimum.
         gain: gain over the asked model.
@@ -177,7 +177,7 @@ def _trial(
     solution = solved(problem, y)
     if solution is None or problem.request is None:
         return None
-    trial = best._replace(how=term.how(problem.request.free), request=problem.request, problem=problem)
+    trial = best._replace(how=term.how, request=problem.request, problem=problem)
     trial = trial._replace(solution=solution, gain=gain(base, score(problem, solution, noises)))
     name = term.name(trial.values)
     return trial._replace(names=(*best.names, name)) if name and name not in best.names else None

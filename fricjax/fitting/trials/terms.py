@@ -1,7 +1,7 @@
 """Terms that a model may miss."""
 
 import dataclasses
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from typing import NamedTuple
 
 import equinox as eqx
@@ -26,17 +26,17 @@ class Term(NamedTuple):
 
     Attributes:
         name: its name for fitted values, empty if no machine has such values.
-        how: arguments that fit it, for the free coefficients.
         change: function from a request to the one that fits it.
         neutral: its coefficients, with values for which the model is the one without it.
         other: further values from which a fit starts; empty for a term that only adds a force.
+        how: arguments that fit it, unless they follow from the changed request.
     """
 
     name: Callable[[Mapping[str, float]], str]
-    how: Callable[[Sequence[str]], str]
     change: Callable[[Request], Request]
     neutral: Mapping[str, float] = {}
     other: Mapping[str, float] = {}
+    how: str = ""
 
 
 def terms(request: Request, window: Window, values: Mapping[str, float]) -> Iterator[Term]:
@@ -50,16 +50,15 @@ def terms(request: Request, window: Window, values: Mapping[str, float]) -> Iter
     machine = request.oscillator
     present = {leaf.dotted.rsplit(".", 1)[-1] for leaf in leaves_of(machine)}
     fitted = {name.rsplit(".", 1)[-1] for name in request.free}
-    freed = lambda free: f"with free={list(free)}"
     if "drag" not in fitted and "quadratic_drag" not in present:
         name = lambda at: "quadratic drag" if at["drag"] > 0 else ""
-        yield Term(name, freed, lambda of: changed(of, of.oscillator, "drag"), {"drag": float(machine.drag)})
+        yield Term(name, lambda of: changed(of, of.oscillator, "drag"), {"drag": float(machine.drag)})
     for leaf in leaves_of(machine):
         if leaf.kind == "quadratic_drag" and leaf.kind not in fitted:
             yield _freed_drag(leaf.name, float(jax.tree.leaves(machine)[leaf.index]))
     if not {"damping", "sigma2", "eta_h"} & fitted:
         name = lambda at: "viscous damping" if at["damping"] > 0 else ""
-        yield Term(name, freed, lambda of: changed(of, of.oscillator, "damping"), {"damping": float(machine.damping)})
+        yield Term(name, lambda of: changed(of, of.oscillator, "damping"), {"damping": float(machine.damping)})
     for name in request.free:
         if name in request.bounds and values.get(name) in request.bounds[name]:
             yield _unbounded(name)
@@ -73,8 +72,7 @@ def terms(request: Request, window: Window, values: Mapping[str, float]) -> Iter
 def _freed_drag(name: str, value: float) -> Term:
     """Return the drag of a law that is not free."""
     words = lambda at: "quadratic drag" if at[name] > 0 else ""
-    how = lambda free: f"with free={list(free)}"
-    return Term(words, how, lambda of: changed(of, of.oscillator, name), {name: value})
+    return Term(words, lambda of: changed(of, of.oscillator, name), {name: value})
 
 
 def _unbounded(name: str) -> Term:
@@ -84,7 +82,7 @@ def _unbounded(name: str) -> Term:
         return dataclasses.replace(of, bounds={key: each for key, each in of.bounds.items() if key != name})
 
     words = lambda at: f"{name} beyond its bound" if min(at.get("mu", 0.0), at.get("damping", 0.0)) >= 0 else ""
-    return Term(words, lambda _: f"with another bound of {name}", change)
+    return Term(words, change, how=f"with another bound of {name}")
 
 
 def _springs(window: Window) -> Iterator[Term]:
@@ -95,10 +93,9 @@ def _springs(window: Window) -> Iterator[Term]:
 
     if window.quantity == "rad":
         name = lambda _: "the restoring force of a pendulum"
-        yield Term(name, lambda _: "with restoring=Pendulum()", pulled(Pendulum()))
+        yield Term(name, pulled(Pendulum()))
     name = lambda at: f"a spring that {'softens' if at['k3'] < 0 else 'stiffens'} with deflection"
-    how = lambda free: f"with restoring=Cubic(0.0) and free={list(free)}"
-    yield Term(name, how, pulled(Cubic(0.0), "k3"), {"k3": 0.0})
+    yield Term(name, pulled(Cubic(0.0), "k3"), {"k3": 0.0})
 
 
 def _falling(window: Window, mu: float) -> Term:
@@ -113,8 +110,7 @@ def _falling(window: Window, mu: float) -> Term:
         return changed(of, machine, "mu_s", "v_stribeck")
 
     name = lambda at: "friction that falls with velocity" if at["mu_s"] > at["mu"] > 0 else ""
-    how = lambda free: f"with friction=Stribeck(...) and free={list(free)}"
-    return Term(name, how, change, {"mu_s": mu, "v_stribeck": _FALL * speed}, {"v_stribeck": _FALL_FIRST * speed})
+    return Term(name, change, {"mu_s": mu, "v_stribeck": _FALL * speed}, {"v_stribeck": _FALL_FIRST * speed})
 
 
 def changed(request: Request, machine: Oscillator, *more: str) -> Request:
