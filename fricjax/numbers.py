@@ -2,6 +2,7 @@
 
 import bisect
 import functools
+import math
 from typing import Any
 
 import numpy as np
@@ -66,3 +67,32 @@ def fast_length(n: int, *, at_most: bool = False) -> int:
     powers = [[base**i for i in range(n.bit_length() + 1)] for base in (2, 3, 5)]
     smooth = sorted(a * b * c for a in powers[0] for b in powers[1] for c in powers[2])
     return smooth[bisect.bisect_right(smooth, n) - 1] if at_most else smooth[bisect.bisect_left(smooth, n)]
+
+
+def number(name: str, value: Any, unit: str = "") -> float:
+    """Convert the value to a finite float.
+
+    Raises:
+        UsageError: the value is not a single finite number.
+
+    Examples:
+        >>> number("length", "0.42")
+        0.42
+    """
+    try:
+        result = float(value)
+    except (TypeError, ValueError) as error:
+        raise UsageError(f"{name} must be one number{in_unit(unit)}, got {value!r}.") from error
+    if not math.isfinite(result):
+        raise UsageError(f"{name} must be a finite number{in_unit(unit)}, got {value!r}.")
+    return result
+
+
+def in_unit(unit: str) -> str:
+    """Return " of" and the unit, empty without one.
+
+    Examples:
+        >>> in_unit("m")
+        ' of m'
+    """
+    return f" of {unit}" if unit else ""

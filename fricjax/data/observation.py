@@ -12,30 +12,18 @@ and files use this one map.
 """
 
 import dataclasses
-import math
 from typing import Any
 
 import numpy as np
 
 from ..errors import DataError, UsageError, check_choice
+from ..numbers import number
 
 ORDERS = {"displacement": 0, "velocity": 1, "acceleration": 2, "projection": 0}
 """Kinds of observation, each with the order of its time derivative."""
 MOTIONS = ("m", "rad")
 _NAMES = {"m": "Displacement", "rad": "Angle"}
 _RATES = {"m": ("Velocity", "Acceleration"), "rad": ("Angular velocity", "Angular acceleration")}
-
-
-def _finite(name: str, value: Any) -> float:
-    try:
-        number = float(value)
-    except (TypeError, ValueError) as error:
-        raise UsageError(f"{name} must be one number, got {value!r}.") from error
-    if not math.isfinite(number):
-        raise UsageError(f"{name} must be a finite number, got {value!r}.")
-    return number
-
-
 NAMES = (*_NAMES.values(), *(name for names in _RATES.values() for name in names), "Position")
 """Names of readings."""
 
@@ -78,7 +66,7 @@ class Observation:
             object.__setattr__(self, "motion", "rad")
         check_choice("motion", self.motion, MOTIONS)
         for name in ("length", "angle"):
-            object.__setattr__(self, name, _finite(name, getattr(self, name)))
+            object.__setattr__(self, name, number(name, getattr(self, name)))
         if not self.length > 0:
             raise UsageError(f"length must be the positive length of the pendulum in m, got {self.length:g}.")
 

@@ -8,7 +8,7 @@ from the equation of state of the BIPM (Davis 1992). Coefficients have the names
 import math
 
 from ..errors import UsageError
-from .run import number
+from ..numbers import number
 
 EQUATION_STD = 2e-8
 """Standard uncertainty of the equation itself [1]; the paper claims a few parts in 10^8."""

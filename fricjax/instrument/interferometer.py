@@ -12,7 +12,8 @@ import numpy as np
 
 from ..data.record import Step
 from ..errors import UsageError
-from .run import not_negative, number, pair, positive
+from ..numbers import number
+from .run import not_negative, pair, positive
 
 
 @dataclasses.dataclass(frozen=True)

@@ -6,6 +6,7 @@ import numbers
 from typing import Any
 
 from ..errors import UsageError
+from ..numbers import in_unit, number
 
 # Minimum number of samples of a trace.
 _FEWEST = 3
@@ -55,21 +56,6 @@ def check_seed(seed: Any) -> None:
         raise UsageError(f"seed must be a whole number, zero or more, got {seed!r}.")
 
 
-def number(name: str, value: Any, unit: str = "") -> float:
-    """Convert the value to a finite float.
-
-    Raises:
-        UsageError: the value is not a single finite number.
-    """
-    try:
-        result = float(value)
-    except (TypeError, ValueError) as error:
-        raise UsageError(f"{name} must be one number{_in(unit)}, got {value!r}.") from error
-    if not math.isfinite(result):
-        raise UsageError(f"{name} must be a finite number{_in(unit)}, got {value!r}.")
-    return result
-
-
 def positive(name: str, value: Any, unit: str) -> float:
     """Convert the value to a positive float.
 
@@ -78,7 +64,7 @@ def positive(name: str, value: Any, unit: str) -> float:
     """
     result = number(name, value, unit)
     if result <= 0:
-        raise UsageError(f"{name} must be a positive number{_in(unit)}, got {result:g}.")
+        raise UsageError(f"{name} must be a positive number{in_unit(unit)}, got {result:g}.")
     return result
 
 
@@ -104,10 +90,6 @@ def pair(name: str, value: Any, unit: str) -> tuple[float, float]:
     """
     values = tuple(value) if isinstance(value, tuple | list) else (value, 0.0)
     if len(values) != 2:
-        raise UsageError(f"{name} must be one or two numbers{_in(unit)}, got {len(values)}: {value!r}.")
+        raise UsageError(f"{name} must be one or two numbers{in_unit(unit)}, got {len(values)}: {value!r}.")
     first, second = (not_negative(name, item, unit) for item in values)
     return first, second
-
-
-def _in(unit: str) -> str:
-    return f" of {unit}" if unit else ""

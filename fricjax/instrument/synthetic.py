@@ -16,12 +16,13 @@ from ..data.record import Record, Step
 from ..data.trace import Trace
 from ..errors import UsageError, check_type, nearest
 from ..friction.base import laws_of
+from ..numbers import number
 from ..oscillator import RESULTS, ExponentialRelease, Motion, Oscillator, is_successful, observe, simulate
 from ..oscillator.oscillator import leaves_of
 from ..oscillator.restoring import Pendulum
 from ..show.working import working
 from .interferometer import Interferometer
-from .run import Run, check_seed, number
+from .run import Run, check_seed
 
 # The order determines the random numbers of a seed: add new streams at the end.
 _STREAMS = ("floor", "sampling_jitter", "noise")
